@@ -137,15 +137,16 @@ def compared(rows: Any) -> list[Record]:
         index="scene", columns="without", values=["seconds", "met", "asking", "choice"]
     )
     whole = scenes.xs(WHOLE, axis="columns", level="without")
-    found = []
+    comparisons = []
     for part in PARTS:
         if part.words not in scenes["choice"]:
             continue
         mine = scenes.xs(part.words, axis="columns", level="without")
-        met, whole_met = mine["met"].astype(bool), whole["met"].astype(bool)
+        met = mine["met"].astype(bool)
+        whole_met = whole["met"].astype(bool)
         ratio = (mine["seconds"] / whole["seconds"]).astype(float)
         asking = (mine["asking"] / whole["asking"]).astype(float)
-        found.append(
+        comparisons.append(
             {
                 "part": part.words,
                 "changed": int((mine["choice"] != whole["choice"]).sum()),
@@ -157,4 +158,4 @@ def compared(rows: Any) -> list[Record]:
                 "asking_all": float(mine["asking"].sum() / whole["asking"].sum()),
             }
         )
-    return found
+    return comparisons

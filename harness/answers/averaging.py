@@ -39,8 +39,11 @@ from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, Scene, SlowStart
 from polhode.models.shape import Ellipsoid
 
-# Rotations of a full run that an averaged one is compared with, at most; an estimate.
+# Rotations of a full run that an averaged one is compared with, at most. An estimate that bounds the cost: with
+# half of it a surrogate has half the St, and its error is scaled over twice the ratio.
 COMPARED_TURNS = 1_000.0
+# Rotations that a run without any counts as, so that a quotient stays finite.
+_NO_TURNS = 1e-300
 
 
 class NotKnownError(ValueError):
@@ -48,11 +51,11 @@ class NotKnownError(ValueError):
 
 
 def compared(runner: Runner, run: Run) -> tuple[str, str, Difference, str]:
-    """Kind of confirmation, family, difference and note of a run that averages.
+    """Kind of confirmation, family of methods, difference and note of a run that averages.
 
-    In this order: segments by what they estimate; a short run by a full one; second order by its own
-    estimate; first order by a surrogate. The last two add what a second averaged run differs by, which
-    is the error of the solver alone.
+    Confirmations are tried in this order: segments by what they estimate; a short run by a full one;
+    second order by its own estimate; first order by a surrogate. The last two add what a second averaged
+    run differs by, which is the error of the solver alone.
     """
     if run.solution.segments:
         return "estimate", hybrid_family(runner.scene), *_of_segments(runner, run)
@@ -107,6 +110,7 @@ def with_estimate(runner: Runner, run: Run, second: Run) -> Difference:
     slow = np.zeros_like(apart.slow)
     angle = np.zeros_like(apart.slow)
     times = runner.inner
+    # A segment's error is in all that follows its beginning.
     for segment in run.solution.segments:
         later = times > segment.begin
         slow[later] += segment.error
@@ -115,6 +119,7 @@ def with_estimate(runner: Runner, run: Run, second: Run) -> Difference:
 
 
 def _raised(apart: Difference, slow: Any, angle: Any) -> Difference:
+    """A difference with errors of L and E (`slow`) and of the orientation (`angle`, in rad) added to it."""
     orientation = apart.orientation
     if orientation is not None:
         orientation = np.minimum(pi, orientation + angle)
@@ -126,7 +131,7 @@ def _surrogate_difference(runner: Runner, exact: Run, turns: float) -> tuple[np.
     scene = oriented(runner.scene)
     # The surrogate has St and time smaller by the same ratio: its slow time is the same, its rotations are
     # `COMPARED_TURNS`. Its averaged motion is that of `exact`, since it depends on the slow time alone.
-    ratio = min(1.0, COMPARED_TURNS / max(turns, 1e-300))
+    ratio = min(1.0, COMPARED_TURNS / max(turns, _NO_TURNS))
     surrogate = replace(scene, stokes=scene.stokes * ratio, time=scene.time * ratio)
     if damping_times(surrogate) > COMPARED_TURNS:
         raise NotKnownError("St is too small to average over rotations")
@@ -159,7 +164,7 @@ def _kicks(scene: Scene) -> np.ndarray | float:
 
 
 def above_separatrix(ellipsoid: Ellipsoid, observables: Observables) -> np.ndarray:
-    """L² - 2EI₂ of each sample, I₂ the middle moment of inertia of a triaxial body."""
+    """L² - 2EI₂ of each sample, shape (n,), I₂ the middle moment of inertia of a triaxial body."""
     middle = ellipsoid.inertia[ellipsoid.order[1]]
     return (observables.angular_momentum**2).sum(axis=1) - 2 * middle * observables.energy
 

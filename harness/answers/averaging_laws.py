@@ -28,6 +28,7 @@ _LEAST_STOKES = 1e-99
 
 @cache
 def _laws() -> dict[str, Any]:
+    """The contents of the file, read once."""
     return json.loads(LAWS_FILE.read_text(encoding="utf-8"))
 
 

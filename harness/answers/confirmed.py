@@ -76,7 +76,8 @@ _SATURATED = 0.03
 # No full run is credited with an error below this share of its tolerance: that would be luck. With
 # 1e-3 the upper end of stiff runs' orientations is 16 times the error in the median, not 11.
 _LEAST_ERROR_PER_TOLERANCE = 0.05
-# Runs of a method that look for an error, at most; an estimate.
+# Runs of a method that look for an error, at most. An estimate: each is tighter by a factor of
+# ten at least.
 _MAX_RUNS = 6
 # Share of the error that the next run is planned to have, where two have not met it: below 1, since
 # the forecast of the error may be off. An estimate.
@@ -265,6 +266,7 @@ def confirmation(runner: Runner, run: Run) -> RunError:
 
 
 def _confirmation(runner: Runner, run: Run) -> RunError:
+    """The error of a run that reached its end; raises where a second run, or an estimate, is refused."""
     if run.method.solver.closed_form:
         scene = runner.scene
         observables = run.observables
@@ -406,8 +408,11 @@ def _compared(runner: Runner, kind: str, run: Run, second: Run) -> RunError:
 def _stated(
     runner: Runner, run: Run, kind: str, family_name: str, apart: Difference, note: str
 ) -> RunError:
-    # `lucky` is the least difference that a full run is credited with, `rounded` the rounding of its steps
-    # in eps. Closed forms and averaged runs have neither; runs of `many_periods` have the first alone.
+    """State the error of a run of a family from its differences from a second one.
+
+    `lucky` is the least difference that a full run is credited with, `rounded` the rounding of its steps
+    in eps. Closed forms and averaged runs have neither; runs of `many_periods` have the first alone.
+    """
     rotations = 0.0 if run.method.form.averaged else turns(runner.scene, run.observables)
     ellipsoid = runner.scene.ellipsoid
     follows_tolerance = not (run.averaged or run.method.solver.closed_form)

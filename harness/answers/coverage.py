@@ -41,31 +41,36 @@ from polhode.solvers.catalogue import solver as find_solver
 
 # Version of the rows in the store: rows of another one are measured anew.
 _SCHEMA = 6
-# Times at which a solution is compared with its reference.
+# Times at which a solution is compared with its reference: many more than statements are made at. An estimate.
 COMPARED_TIMES = 2001
-# Seconds that a reference may take.
+# Seconds that a reference may take. An estimate: scenes whose references take longer are left out.
 _REFERENCE_SECONDS = 60.0
-# Tolerances of two references in long double.
+# Tolerances of two references in long double: near its last digit, and a hundred times looser.
 _REFERENCE_TOLERANCES = (1e-19, 1e-17)
-# The uncertainty of the tighter one over their difference; an estimate.
+# The uncertainty of the tighter one over their difference. An estimate on the safe side: the tighter one errs less
+# than they differ.
 _UNCERTAINTY = 3.0
-# A reference of a larger uncertainty, of L and E over I_max or in rad, judges nothing: chaos.
+# A reference of a larger uncertainty, of L and E over I_max or in rad, judges nothing: chaos. An estimate.
 _MOST_UNCERTAINTY = 1e-10
-# Runs of each group by a scene: they share its reference, which takes most of the time.
+# Runs of each group by a scene: they share its reference, which takes most of the time. An estimate.
 _RUNS_PER_SCENE = 4
-# Rotations of a scene, at most: references of more take minutes.
+# Rotations of a scene, at most: references of more take minutes. The slack is for scenes that are drawn to have
+# just so many.
 _MAX_TURNS = 3_000.0
-# Rotations from which on solvers and forms that average do so.
+_TURNS_SLACK = 1.01
+# Rotations from which on solvers and forms that average do so: more than `averaging.COMPARED_TURNS`.
 _LEAST_AVERAGED_TURNS = 1_200.0
 # Share of the runs of a fit above the upper end, and below the lower one. The upper one is smaller than
 # the 0.025 that statements claim, so that another set of runs holds them too.
 _FITTED_ABOVE = 0.015
 _FITTED_BELOW = 0.025
-# Share of the runs that a fit of first tolerances lets meet the error.
+# Share of the runs that a fit of first tolerances lets meet the error. An estimate: a larger share makes all runs
+# tighter, a smaller one makes more of them run again.
 _FITTED_MET = 0.8
-# Runs at tighter tolerances have rounding errors, which say nothing of the tolerance.
+# Runs at tighter tolerances have rounding errors, which say nothing of the tolerance. An estimate.
 _LEAST_TOLERANCE = 1e-12
-# Rotations from which on a run's steps follow them.
+# Rotations from which on a run's steps follow them: the first steps, which are small, count for little then. An
+# estimate.
 _MANY_TURNS = 20.0
 # The solver that a family's first tolerances and steps are fitted to, and the forms.
 _USUAL = {"explicit": "cyrk-vern8", "implicit": "cyrk-radau", "splitting": "splitting"}
@@ -75,11 +80,12 @@ _LEAST_FITTED = 40
 # The upper end over what the runs of a fit show: at 1.1 more than 2.5 % of the errors lay above it for 6 of
 # 40 kinds of another seed (6206), at 1.3 for 3, and more loosens splitting to 15 times its error.
 _FIT_MARGIN = 1.3
-# A page marks rows beyond these limits: the share of runs above the upper end, and the median ratio
-# of the upper end to the true error.
+# A page marks rows beyond these limits: the share of runs above the upper end, as statements claim, and the median
+# ratio of the upper end to the true error, which is set, not measured.
 MOST_MISSED = 0.025
 LARGEST_FACTOR = 15.0
-# Errors below this many uncertainties of a reference say nothing of a ratio.
+# Errors below this many uncertainties of a reference say nothing of a ratio: the uncertainty may change it by more
+# than a tenth.
 _CLEAR = 10.0
 
 
@@ -206,7 +212,7 @@ def _is_fit(scene: Scene, sort: str) -> bool:
     turns = rotations(scene)
     if sort in ("many turns", "slow", "fast") and turns < _LEAST_AVERAGED_TURNS / 2:
         return False
-    return turns <= 1.01 * _MAX_TURNS and (sort == "stiff") == stiff(scene)
+    return turns <= _TURNS_SLACK * _MAX_TURNS and (sort == "stiff") == stiff(scene)
 
 
 def measured(sort: str, seed: int, index: int) -> list[Record]:
@@ -263,6 +269,7 @@ def _judged(case: Case, true: Observables, uncertainty: dict[str, float]) -> Rec
 
 
 def _answer(case: Case, to_error: bool) -> Answer:
+    """The answer to a case, to its error or at its tolerance."""
     runner = Runner(case.scene, np.linspace(0.0, case.scene.time, COMPARED_TIMES))
     if to_error:
         return meet(runner, case.methods, case.error, case.want)
@@ -557,6 +564,7 @@ def _fitted_factors(rows: Sequence[Record]) -> dict[str, dict[str, dict[str, lis
 
 
 def _in_two_digits(value: float) -> float:
+    """A value in two significant digits, as the file of fitted numbers has them."""
     return float(f"{value:.2g}")
 
 

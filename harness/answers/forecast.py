@@ -13,7 +13,8 @@ from polhode.harness.answers.rules import rotations, stiff
 from polhode.harness.references.rotations import damping_times
 from polhode.models.scene import Scene
 
-# Rotations of a segment, at least: to race so many takes a few milliseconds. The number is an estimate.
+# Rotations of a segment, at least: to race so many takes a few milliseconds. An estimate: with fewer the steps
+# at the start count for more than the steps of a rotation.
 _LEAST_TURNS = 60.0
 # Share of the run that a segment is, in rotations, unless a limit below changes it: a race makes some
 # fifteen runs of it, which together take less than the run itself. An estimate.
@@ -22,11 +23,12 @@ _SHARE = 0.04
 # estimate.
 _WHOLE = 0.5
 # Rotations in a damping time from which on the slow motion, and the steps of a rotation, are the same
-# at every St, so that a surrogate stands for the run. The number is an estimate.
+# at every St, so that a surrogate stands for the run. An estimate: a larger number makes longer segments.
 _FAST = 25.0
-# Factor on either side of errors and seconds that the race saw on the run itself; an estimate.
+# Factor on either side of errors and seconds that the race saw on the run itself. It is an estimate, and so are
+# the intervals that `pick` states by it.
 _RACED = 1.5
-# The same of a forecast from a segment; an estimate.
+# The same of a forecast from a segment, which errs by factors.
 _FORECAST = 2.2
 
 
@@ -70,10 +72,10 @@ def raced_segment(scene: Scene) -> RacedSegment:
     scene = oriented(scene)
     turns = rotations(scene)
     # Rotations that a surrogate needs so that it has `_FAST` of them in each damping time.
-    slow = max(_least(turns), _FAST * damping_times(scene))
-    if stiff(scene) or not 0 < scene.stokes < inf or slow >= _WHOLE * turns:
+    surrogate_turns = max(_least(turns), _FAST * damping_times(scene))
+    if stiff(scene) or not 0 < scene.stokes < inf or surrogate_turns >= _WHOLE * turns:
         return beginning_of(scene)
-    ratio = slow / turns
+    ratio = surrogate_turns / turns
     shorter = replace(scene, stokes=scene.stokes * ratio, time=scene.time * ratio)
     return RacedSegment(shorter, "surrogate", 1 / ratio, turns, run=scene)
 

@@ -20,7 +20,14 @@ from polhode.harness.answers.questions import Question, questions
 from polhode.harness.answers.race import contenders, why_not
 from polhode.harness.answers.recommendation import Recommendation
 from polhode.harness.answers.request import NotAttainableError
-from polhode.harness.answers.rules import Method, first_tolerance, methods_for, rotations
+from polhode.harness.answers.rules import (
+    LOOSEST,
+    TIGHTEST,
+    Method,
+    first_tolerance,
+    methods_for,
+    rotations,
+)
 from polhode.harness.answers.statement import difference
 from polhode.harness.answers.timed import plain_practice
 from polhode.harness.common.files import digest
@@ -49,19 +56,20 @@ FAR = 5.0
 _ASKING_RUNS = 3.0
 _ASKING_SECONDS = 0.005
 _ASKING_SHARE = 0.1
-# Seconds that a reference may take.
+# Seconds that a reference may take. An estimate: scenes whose references take longer are left out.
 _REFERENCE_SECONDS = 120.0
 # Uncertainty of a reference over the error requested, at most; an estimate.
 _KNOWN = 0.3
 # Decades from the error requested at which methods are measured: tolerances of ten times the error,
 # the error, a tenth of it and so on.
 _DECADES = (1, 0, -1, -2, -3, -4, -5)
-# A run is stopped after this multiple of the best time until then, or after these seconds.
+# A run is stopped after this multiple of the best time until then, or after these seconds if that is longer.
+# Estimates: a run that was stopped is not the best, even if it was disturbed.
 _STOP = 3.0
 _STOP_SECONDS = 0.05
-# The longest that the first method may take.
+# The longest that the first method may take, in seconds; an estimate.
 _FIRST_SECONDS = 60.0
-# The quickest runs that are timed again, and how often.
+# The quickest runs that are timed again, and how often. Estimates: more take longer and are disturbed less.
 _FINALISTS = 4
 FINALIST_REPEATS = 5
 # Seconds of a run from which on it is timed once: what disturbs it is a small share of it.
@@ -169,6 +177,7 @@ def ask(question: Question) -> tuple[Recommendation | None, str, float]:
 
 
 def _recommended(question: Question) -> tuple[Recommendation | None, str]:
+    """The answer of `pick`, or None and why it refuses the error."""
     try:
         return pick(question.scene, question.error, question.want, question.samples), ""
     except NotAttainableError as reason:
@@ -244,6 +253,7 @@ class Track:
 def _measure(track: Track) -> Iterator[Record]:
     """Runs of the listed methods, ever tighter until they meet the error."""
     question = track.question
+    # The nearest power of ten.
     decade = floor(log10(question.error) + 0.5)
     best = _FIRST_SECONDS / _STOP
     methods, _ = contenders(question.scene, question.want)
@@ -251,7 +261,7 @@ def _measure(track: Track) -> Iterator[Record]:
         if why_not(question.scene, question.want, Method(form, solver)):
             continue
         for shift in _DECADES:
-            tolerance = min(1e-2, float(f"1e{max(-15, decade + shift)}"))
+            tolerance = min(LOOSEST, max(TIGHTEST, float(f"1e{decade + shift}")))
             limit = max(_STOP_SECONDS, _STOP * best)
             # The second run has compiled already.
             track.run(form.name, solver.name, tolerance, limit)
@@ -266,7 +276,7 @@ def _measure(track: Track) -> Iterator[Record]:
             }
             if row["met"]:
                 best = min(best, row["seconds"])
-            if row["met"] or row["seconds"] == inf or tolerance <= 1e-15:
+            if row["met"] or row["seconds"] == inf or tolerance <= TIGHTEST:
                 break
 
 

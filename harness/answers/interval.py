@@ -11,6 +11,7 @@ class Interval:
     1.5 % above). Ends of raced times are a factor on either side (`forecast.RacedSegment.spread`).
     """
 
+    # All three in the unit of what is estimated: an error over I_max or in rad, or seconds.
     predicted: float
     low: float
     high: float

@@ -25,10 +25,11 @@ from polhode.solvers.solve import Solution, solve
 _TIMED = ("paper", "spheroid", "jeffery", "top", "tumbler", "sphere")
 # The scene on which steps of implicit solvers are timed: each solves equations there.
 _TIMED_IMPLICIT = ("stiff", *_TIMED)
-# Times that a run is repeated: the quickest one is the least disturbed. The number is an estimate.
+# Times that a run is repeated: the quickest one is the least disturbed. An estimate: more repeats make `pick`
+# slower where it asks about a method for the first time.
 _REPEATS = 5
-# Share of the scene's time that the short run covers: its steps cost as much as in the long run. The
-# share is an estimate.
+# Share of the scene's time that the short run covers: its steps cost as much as in the long run. An
+# estimate: a larger share leaves a smaller difference of the two to time steps by.
 _SHORT = 0.1
 # Least seconds of the long run: it starts in some 0.2 ms, and its steps should take most of it. Its time
 # grows by the factor `_LONGER` until it takes as long, or is longer than `_LONGEST`, in units of the
@@ -37,9 +38,10 @@ _LEAST_SECONDS = 1e-3
 _LONGER = 4.0
 _LONGEST = 1e5
 # Share of its time by which a scene is shortened, so that caches take it for another one; its steps,
-# and so its cost, stay the same. The power of two is an estimate.
+# and so its cost, stay the same. The power of two is an estimate: some 4000 ulps, so that rounding of the
+# time loses none of it.
 _TRIFLE = 2.0**-40
-# Rows of the run that times rows.
+# Rows of the run that times rows: as many as `polhode.solve` has by default.
 _ROWS = 201
 
 
@@ -61,7 +63,7 @@ class Pace(NamedTuple):
 
 def pace(method: Method, tolerance: float) -> Pace:
     """The pace of a method, measured in some milliseconds where this process does not know it."""
-    # Steps of solvers whose order follows the tolerance cost what it asks for.
+    # The cost of a step depends on the tolerance alone where the solver's order follows it.
     return _measured(method, tolerance if method.solver.order_by_tolerance else PACED_TOLERANCE)
 
 
@@ -72,6 +74,7 @@ def forget() -> None:
 
 @lru_cache(maxsize=500)
 def _measured(method: Method, tolerance: float) -> Pace:
+    """The pace of a method at a tolerance, from three runs of a fixed scene."""
     # The first run compiles. The long and the short run have two rows each, their start and their end.
     scene = _scene_for(method)
     compiled = SPENT.seconds["compilation"]

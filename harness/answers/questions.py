@@ -16,6 +16,7 @@ Want = Literal["slow", "orientation"]
 # below `_MANY_TURNS`, a slow time of order one at large St below `_LONG`, so that 0.3 of the scenes have
 # it, planar starts in the next `_PLANAR`, and ordinary scenes in the remaining 0.42. The shares, decades
 # and limits of this module are choices, so that each sort occurs; they are not measured.
+# "Decades" are the least and the largest log₁₀ of a number that is drawn.
 _PLANAR = 0.08
 # Shares of the ordinary scenes at St = 0 and St = inf.
 _AT_ZERO = 0.08
@@ -23,7 +24,7 @@ _AT_INFINITY = 0.05
 # Limits of the scenes of a slow time of order one, and of very many rotations.
 _LONG = 0.5
 _MANY_TURNS = 0.2
-# Decades of these rotations, and of their slow time.
+# Decades of these rotations, and of their slow time t₂ = t/St.
 _TURNS = (3.7, 5.2)
 _TURNS_SLOW_TIMES = (-1.5, 0.0)
 # Share of the long ones that start from rest.
@@ -31,13 +32,39 @@ _LONG_FROM_REST = 0.1
 # Decades of St and of the slow time of long ones.
 _LONG_STOKES = (3.0, 8.0)
 _LONG_SLOW_TIMES = (-1.5, 0.3)
-# Rotations of the others, at most; one in ten has ten times more.
+# Decades of St of planar starts, and of the ordinary scenes that are not at 0 or inf.
+_ANY_STOKES = (-4.0, 6.0)
+# Sizes of the angular velocity of planar starts, in shear rates.
+_PLANAR_SPEEDS = (0.1, 3.0)
+# Rotations of the others, at most: this number times a power of ten of these decades. The share
+# `_FAR_SHARE` of the scenes has ten times more.
 _MOST_ROTATIONS = 600.0
+_ROTATIONS_BELOW_MOST = (-1.0, 0.0)
+_FAR_SHARE = 0.1
 # Decades of their damping times, at most.
 _MOST_DAMPING_TIMES = (4.7, 5.7)
+# St from which on a run's duration follows from a slow time; below, and at inf, decades of its time.
+_SLOW_TIME_FROM = 30.0
+_SHORT_TIMES = (1.0, 2.5)
+# Decades of the slow time of a body that turns, and of the time over √St of one that starts from rest.
+_SLOW_TIMES = (-1.7, -0.3)
+_TIMES_FROM_REST = (0.0, 1.3)
+# Angular velocity, in shear rates, at which the flow turns a body.
+_FLOW_SPEED = 0.5
+# Share of the questions that ask for the orientation, where there is one.
+_ORIENTATION_SHARE = 0.4
+# Kinds of shapes with their shares. "near" has two semi-axes that differ by a power of ten of the decades below,
+# relative to the longer one. The other semi-axes have decades of their own; the longest is 1.
+_SHAPES = {"triaxial": 0.45, "near": 0.1, "prolate": 0.2, "oblate": 0.2, "sphere": 0.05}
+_NEAR_DIFFERENCES = (-6.0, -1.5)
+_AXES = (-1.0, 0.0)
+# Sorts of angular velocities with their shares, and the decades of the slow and the fast ones over usual ones.
+_SPEEDS = {"usual": 0.7, "rest": 0.12, "slow": 0.09, "fast": 0.09}
+_SLOW_SPEEDS = (-2.0, -0.5)
+_FAST_SPEEDS = (0.5, 1.5)
 # Rows of the output, one of these.
 _SAMPLES = (51, 201, 501)
-# Decades of the error.
+# Decades of the error, of L and E over I_max or of the orientation in rad.
 _ERRORS = (-11.0, -2.0)
 
 
@@ -58,6 +85,7 @@ def questions(seed: int, count: int) -> list[Question]:
 
 
 def _question(name: str, random: np.random.Generator) -> Question:
+    """A random question under a name."""
     sort = random.random()
     if sort < _MANY_TURNS:
         scene = _turning(random)
@@ -69,8 +97,8 @@ def _question(name: str, random: np.random.Generator) -> Question:
         scene = _ordinary(random)
     samples = int(random.choice(_SAMPLES))
     error = float(f"{10 ** random.uniform(*_ERRORS):.1e}")
-    angle = random.random() < 0.4 and scene.ellipsoid.kind != "sphere"
-    return Question(name, scene, samples, error, "orientation" if angle else "slow")
+    oriented = random.random() < _ORIENTATION_SHARE and scene.ellipsoid.kind != "sphere"
+    return Question(name, scene, samples, error, "orientation" if oriented else "slow")
 
 
 def _long(random: np.random.Generator) -> Scene:
@@ -85,7 +113,7 @@ def _long(random: np.random.Generator) -> Scene:
 def _turning(random: np.random.Generator) -> Scene:
     """Very many rotations, over whatever slow time they take."""
     start = _start(random, 1.0)
-    speed = max(0.5, float(np.linalg.norm(start.angular_velocity)))
+    speed = max(_FLOW_SPEED, float(np.linalg.norm(start.angular_velocity)))
     time = 2 * pi / speed * 10 ** random.uniform(*_TURNS)
     stokes = time / 10 ** random.uniform(*_TURNS_SLOW_TIMES)
     return Scene(Ellipsoid(_semi_axes(random)), float(stokes), start, float(time))
@@ -95,7 +123,7 @@ def _ordinary(random: np.random.Generator) -> Scene:
     """Any scene that a user may ask for, within hundreds of rotations."""
     ellipsoid = Ellipsoid(_semi_axes(random))
     limit = random.random()
-    stokes = float(10 ** random.uniform(-4, 6))
+    stokes = float(10 ** random.uniform(*_ANY_STOKES))
     if limit < _AT_ZERO:
         stokes = 0.0
     elif limit < _AT_ZERO + _AT_INFINITY:
@@ -107,10 +135,12 @@ def _ordinary(random: np.random.Generator) -> Scene:
 
 def _planar(random: np.random.Generator) -> Scene:
     """A start with body axis z' along the vorticity, z, and the spin about it: the motion is planar."""
-    stokes = float(10 ** random.uniform(-4, 6))
-    size = random.uniform(0.1, 3)
-    half = random.uniform(0, pi)
-    start = BodyStart((float(np.cos(half)), 0.0, 0.0, float(np.sin(half))), (0.0, 0.0, size))
+    stokes = float(10 ** random.uniform(*_ANY_STOKES))
+    size = random.uniform(*_PLANAR_SPEEDS)
+    # The quaternion of a turn about z has half of its angle.
+    half_angle = random.uniform(0, pi)
+    quaternion = (float(np.cos(half_angle)), 0.0, 0.0, float(np.sin(half_angle)))
+    start = BodyStart(quaternion, (0.0, 0.0, size))
     ellipsoid = Ellipsoid(_semi_axes(random))
     return Scene(ellipsoid, stokes, start, _duration(random, ellipsoid, stokes, size))
 
@@ -123,28 +153,29 @@ def _start(random: np.random.Generator, size: float) -> BodyStart:
 
 
 def _semi_axes(random: np.random.Generator) -> Triple:
-    kinds = ["triaxial", "near", "prolate", "oblate", "sphere"]
-    family = random.choice(kinds, p=[0.45, 0.1, 0.2, 0.2, 0.05])
-    middle, short = sorted(10 ** random.uniform(-1.0, 0.0, 2), reverse=True)
+    """Semi-axes of a random shape along the body axes, in random order; the longest is 1."""
+    kind = random.choice([*_SHAPES], p=[*_SHAPES.values()])
+    middle, short = sorted(10 ** random.uniform(*_AXES, 2), reverse=True)
+    # Each entry is drawn, whichever counts: so the numbers drawn afterwards do not depend on the kind.
     axes = {
         "triaxial": (1.0, middle, short),
-        "near": (1.0, 1 - 10 ** random.uniform(-6, -1.5), short),
+        "near": (1.0, 1 - 10 ** random.uniform(*_NEAR_DIFFERENCES), short),
         "prolate": (1.0, short, short),
         "oblate": (1.0, 1.0, short),
         "sphere": (1.0, 1.0, 1.0),
-    }[str(family)]
+    }[str(kind)]
     a, b, c = random.permutation(axes).tolist()
     return a, b, c
 
 
 def _speed(random: np.random.Generator) -> float:
     """Size of the angular velocity: of order one, at rest, slow or fast."""
-    kind = random.choice(["usual", "rest", "slow", "fast"], p=[0.7, 0.12, 0.09, 0.09])
+    kind = random.choice([*_SPEEDS], p=[*_SPEEDS.values()])
     sizes = {
         "usual": 1.0,
         "rest": 0.0,
-        "slow": 10 ** random.uniform(-2, -0.5),
-        "fast": 10 ** random.uniform(0.5, 1.5),
+        "slow": 10 ** random.uniform(*_SLOW_SPEEDS),
+        "fast": 10 ** random.uniform(*_FAST_SPEEDS),
     }
     return sizes[str(kind)]
 
@@ -153,16 +184,18 @@ def _duration(
     random: np.random.Generator, ellipsoid: Ellipsoid, stokes: float, size: float
 ) -> float:
     """Duration: a slow time where there is one, unless rotations or damping times become too many."""
-    # √3 `size` is the root mean square of an angular velocity's length; the flow turns a body at 0.5. From
-    # rest a body turns by its first radian in a time of order √St, which stands for the slow time.
-    turns = _MOST_ROTATIONS * 10 ** random.uniform(-1, 0) * (10 if random.random() < 0.1 else 1)
-    most = turns * 2 * pi / max(sqrt(3) * size, 0.5)
+    # √3 `size` is the root mean square of an angular velocity's length. From rest a body turns by its first
+    # radian in a time of order √St, which stands for the slow time.
+    turns = _MOST_ROTATIONS * 10 ** random.uniform(*_ROTATIONS_BELOW_MOST)
+    if random.random() < _FAR_SHARE:
+        turns = turns * 10
+    most = turns * 2 * pi / max(sqrt(3) * size, _FLOW_SPEED)
     if 0 < stokes < inf:
-        damped = 10 ** random.uniform(*_MOST_DAMPING_TIMES)
-        most = min(most, damped * stokes / max(ellipsoid.damping))
-    if stokes < 30 or stokes == inf:
-        return float(min(10 ** random.uniform(1, 2.5), most))
-    slow = 10 ** random.uniform(0, 1.3) * sqrt(stokes)
+        damping_times = 10 ** random.uniform(*_MOST_DAMPING_TIMES)
+        most = min(most, damping_times * stokes / max(ellipsoid.damping))
+    if stokes < _SLOW_TIME_FROM or stokes == inf:
+        return float(min(10 ** random.uniform(*_SHORT_TIMES), most))
+    time = 10 ** random.uniform(*_TIMES_FROM_REST) * sqrt(stokes)
     if size > 0:
-        slow = 10 ** random.uniform(-1.7, -0.3) * stokes
-    return float(min(slow, most))
+        time = 10 ** random.uniform(*_SLOW_TIMES) * stokes
+    return float(min(time, most))

@@ -81,8 +81,12 @@ _MAX_SETTLED = 2
 _SETTLED_STEPS = 2_000_000
 # Steps of a run in such a search, at most: its tightest run takes several times as many. An estimate.
 _MOST_STEPS = 10_000_000
-# Damping times from which on implicit methods take part; an estimate.
+# Damping times from which on implicit methods take part. An estimate: with fewer of them accuracy sets the steps.
 _IMPLICIT_FROM = 100.0
+# A paced run of few steps may come out at 0 s: quotients of seconds need a positive number.
+_LEAST_SECONDS = 1e-9
+# An error of 0 counts as this, so that a quotient stays finite.
+_NO_ERROR = 1e-99
 
 
 class Entry(NamedTuple):
@@ -183,6 +187,7 @@ def _averages(method: Method) -> bool:
 
 
 def _splits(method: Method) -> bool:
+    """Whether a method is a splitting."""
     return method.solver.name in SPLITTING
 
 
@@ -384,6 +389,7 @@ class Heat:
     def _enter_followed(
         self, method: Method, segment: Segment, tolerance: float, error: float, steps: int
     ) -> None:
+        """Enter a method by its run on a segment: what the scene's own run is forecast to err and to take."""
         raced = segment.raced
         growth = raced.growth(self.want)
         spread = raced.spread
@@ -427,7 +433,7 @@ class Heat:
             run = self.itself.runs[method, tolerance]
             error, note = self._stated(run)
             if error and error.high <= self.error:
-                self.refusals = [each for each in self.refusals if each.method != method]
+                self.refusals = [refusal for refusal in self.refusals if refusal.method != method]
                 seconds = self.itself.paid(run, self.samples)
                 self._enter(method, tolerance, error, seconds, note, self.raced.of_the_whole())
 
@@ -530,16 +536,19 @@ class Heat:
         raced: RacedSegment,
         steps: float = 0.0,
     ) -> None:
-        # A paced run of few steps may come out at 0 s: quotients of seconds need a positive number.
-        seconds = max(seconds, 1e-9)
+        """Add an entry; `steps` are those of the run, if they are forecast from another scene."""
+        seconds = max(seconds, _LEAST_SECONDS)
         interval = Interval(seconds, seconds / raced.spread, seconds * raced.spread)
         self.entries.append(
             Entry(method, tolerance, error, interval, reason, 0.0 if raced.whole else steps)
         )
 
     def _refuse(self, method: Method, reason: str, least: float = inf) -> None:
-        # Callers divide the error that a run had by `KNOWN_SHARE`: an error requested must be larger than
-        # that, since part of it goes to the reference.
+        """Add a refusal.
+
+        Callers divide the error that a run had by `KNOWN_SHARE`: an error requested must be larger than
+        that, since part of it goes to the reference.
+        """
         self.refusals.append(Refusal(method, reason, least))
 
 
@@ -555,6 +564,6 @@ def _planned(method: Method, tolerance: float, error: float, budget: float) -> f
 
     Errors are taken to be proportional to the tolerance, up to `MAX_STRIDE`.
     """
-    stride = PLANNED_SHARE * budget / max(error, 1e-99)
+    stride = PLANNED_SHARE * budget / max(error, _NO_ERROR)
     stride = min(MAX_STRIDE, max(1 / MAX_STRIDE, stride))
     return rounded(method, stride * tolerance)

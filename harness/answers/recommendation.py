@@ -18,8 +18,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 # Rows whose times differ by less than this factor are tied: other work on the machine may change
-# their order. The factor is an estimate.
+# their order. An estimate: a smaller factor would let repeated questions have different answers.
 TIED = 1.2
+# Rows of a ranking that Python's prompt and a notebook show: the first ones matter.
+_SHOWN_ROWS = 5
+_NOTEBOOK_ROWS = 10
 
 
 @dataclass(frozen=True)
@@ -49,8 +52,8 @@ class Excluded:
 class Recommendation:
     """The answer of `pick`."""
 
-    want: str
-    error: float
+    want: str  # "slow" or "orientation"
+    error: float  # requested, of L and E over I_max or of the orientation in rad
     rotations: float  # of the scene, about
     damping_times: float  # T max(8πX/I)/St of the scene
     ranking: tuple[RankedRun, ...]  # from the cheapest to the dearest
@@ -67,6 +70,7 @@ class Recommendation:
         return (*self.refused, *(Excluded(*pair, self._reason(*pair)) for pair in unranked))
 
     def _reason(self, form: str, solver: str) -> str:
+        """Why a method is neither ranked nor refused."""
         assert self.scene
         reason = why_not(self.scene, self.want, Method(find_form(form), find_solver(solver)))
         return reason or "not raced: never the best by far on scenes held out; --all races it"
@@ -110,7 +114,7 @@ class Recommendation:
                 scientific(row.error.high),
                 duration(row.seconds.predicted),
             )
-            for row in self.ranking[:5]
+            for row in self.ranking[:_SHOWN_ROWS]
         ]
         header = ["form", "solver", "tolerance", "error below", "time"]
         return f"{self.summary}\n{aligned(header, rows)}"
@@ -123,4 +127,4 @@ class Recommendation:
 
     def _repr_html_(self) -> str:
         """The summary and a table, for notebooks."""
-        return f"<p>{escape(self.summary)}</p>{self.frame().to_html(max_rows=10)}"
+        return f"<p>{escape(self.summary)}</p>{self.frame().to_html(max_rows=_NOTEBOOK_ROWS)}"

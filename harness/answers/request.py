@@ -12,10 +12,14 @@ from polhode.models.shape import require_numbers
 WANTS = ("slow", "orientation")
 # Relative distance of neighbouring doubles near 1: what rounding makes of a number is about this much.
 EPS = float(np.finfo(float).eps)
-# A tighter tolerance is lost in the rounding of double precision.
+# A tighter tolerance is lost in the rounding of double precision, half an ulp.
 _LEAST_TOLERANCE = 1e-16
-# A looser tolerance holds nothing.
+# A looser tolerance holds nothing: it would allow errors of the size of the state.
 _LARGEST_TOLERANCE = 1.0
+# Relative slack of a number that is rounded to few digits: it stays where it is if it has no more of them, though
+# rounding put it a little above (first) or below (second). Any number between an ulp and the last digit serves.
+_CEIL_SLACK = 1e-12
+_DIGIT_SLACK = 1e-9
 
 
 class NotAttainableError(ValueError):
@@ -71,20 +75,16 @@ def check_representable(error: float, least: float) -> None:
 
 
 def rounded_up(value: float) -> str:
-    """A positive number in two digits that is no smaller.
-
-    1e-12 keeps a number that already has two digits where rounding puts it a little above them.
-    """
+    """A positive number in two digits that is no smaller."""
     unit = 10.0 ** (floor(log10(value)) - 1)
-    return in_full(float(f"{ceil(value / unit * (1 - 1e-12)) * unit:.1e}"))
+    return in_full(float(f"{ceil(value / unit * (1 - _CEIL_SLACK)) * unit:.1e}"))
 
 
 def one_digit(tolerance: float) -> float:
-    """The tolerance at one digit, never looser: solvers that compile for a tolerance do so for few.
-
-    1e-9 keeps a digit such as the 3 of 3e-7, whose quotient rounding may put a little below 3.
-    """
+    """The tolerance at one digit, never looser: solvers that compile for a tolerance do so for few."""
     if not 0 < tolerance < inf:
         return tolerance
     power = floor(log10(tolerance))
-    return float(f"{floor(tolerance / 10.0**power * (1 + 1e-9))}e{power}")
+    # The quotient of 3e-7 may come out a little below 3.
+    digit = floor(tolerance / 10.0**power * (1 + _DIGIT_SLACK))
+    return float(f"{digit}e{power}")

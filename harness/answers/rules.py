@@ -43,11 +43,14 @@ AVERAGED_FROM = 2_000
 _AVERAGED_TOLERANCE = 1e-3
 # The shear turns a body at half its rate, in rad per unit of time.
 _SHEAR = 0.5
-# Tolerance of a run whose own error counts for nothing.
+# Tolerance of a run whose own error counts for nothing beside the error that it shows. An estimate.
 SHARP = 1e-12
-# The tightest and the loosest first tolerance.
+# The tightest and the loosest first tolerance: near rounding, and one that still sets the steps. Both are
+# estimates.
 TIGHTEST = 1e-15
 LOOSEST = 1e-2
+# Added to a logarithm before it is floored, so that -5 stays -5 where rounding makes it a little less.
+_FLOOR_SLACK = 1e-9
 
 
 class Method(NamedTuple):
@@ -146,7 +149,9 @@ def rounding_less(scene: Scene, method: Method, error: float, want: str) -> Meth
     if method.solver.name != EXPLICIT[0] or not alternative.available:
         return method
     steps = steps_of(scene, method, first_tolerance(scene, method, error, want))
-    rounding = EPS * steps * (1 + rotations(scene) if want == "orientation" else 1)
+    # The phase adds up what rounding makes of L and E.
+    growth_of_phase = 1 + rotations(scene) if want == "orientation" else 1
+    rounding = EPS * steps * growth_of_phase
     return method._replace(solver=alternative) if rounding > _ROUNDED_SHARE * error else method
 
 
@@ -216,14 +221,11 @@ def first_tolerance(scene: Scene, method: Method, error: float, want: str) -> fl
 
 
 def rounded(method: Method, tolerance: float) -> float:
-    """The tolerance in one digit, within [`TIGHTEST`, `LOOSEST`]; a power of ten where each one is compiled for.
-
-    1e-9 keeps the floor of a logarithm at -5 where rounding makes it a little less than -5.
-    """
+    """The tolerance in one digit, within [`TIGHTEST`, `LOOSEST`]; a power of ten where each one is compiled for."""
     tolerance = min(LOOSEST, max(TIGHTEST, tolerance))
     if not method.solver.order_by_tolerance:
         return one_digit(tolerance)
-    return max(TIGHTEST, float(f"1e{floor(log10(tolerance) + 1e-9)}"))
+    return max(TIGHTEST, float(f"1e{floor(log10(tolerance) + _FLOOR_SLACK)}"))
 
 
 def hybrid_family(scene: Scene) -> str:
@@ -243,6 +245,7 @@ def steps_of(scene: Scene, method: Method, tolerance: float) -> float:
 
 
 def _family_of_steps(method: Method) -> str:
+    """The family by whose usual solver a method's steps are counted (`fitted.steps_per_turn`)."""
     return "splitting" if method.solver.many_periods else "explicit"
 
 

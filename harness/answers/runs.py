@@ -19,9 +19,10 @@ from polhode.solvers.solve import Interrupted, Solution, solve
 
 Watch = Callable[[Record], None] | None
 
-# Steps that the first run of a scene may take; an estimate.
+# Steps that a full run beside an averaged one, and a run in a race, may take. A second run may take so many and
+# `STEP_RATIO` times the steps of the first one. Both are estimates that bound what a confirmation costs: a run
+# that takes more is not confirmed.
 MAX_STEPS = 300_000
-# A second run may take `MAX_STEPS` and this multiple of the steps of the first one; an estimate.
 STEP_RATIO = 30
 # Ratio of the tolerances of a tighter run and of a run: a third more steps at order 8, and a tenth of
 # the error, so that two runs differ by nine tenths of it. Factors are fitted for it (`fitted.json`).
@@ -93,6 +94,7 @@ class Runner:
         )
         # A run is asked for all times at once; the indices pick the user's rows and the compared times.
         self.inner = inner
+        # Shapes: `inner` and `_at_inner` (137,), `every` (m,), `times` and `_at_rows` (n,).
         self.every = np.union1d(times, inner)
         self._at_rows = self.every.searchsorted(times)
         self._at_inner = self.every.searchsorted(inner)

@@ -25,8 +25,11 @@ KNOWN_SHARE = 0.5
 # A difference that grows by a larger power of time tells of chaos: without chaos the power is 2 at
 # most, that of the orientation (`forecast.RacedSegment.growth`). The margin is an estimate.
 _MOST_GROWTH = 4.0
-# Steps up to which what a form looks ahead, some ms, counts beside its run; an estimate.
+# Steps up to which the look ahead of a form, some ms, counts beside its run. An estimate: a run of more steps takes
+# far longer than that.
 _FEW_STEPS = 10_000
+# Differences may be 0: a quotient, and its logarithm, stay finite with this number in their place.
+_NO_DIFFERENCE = 1e-99
 # Index in `INNER`, the compared times, of the middle of a segment.
 _MIDDLE = int(np.searchsorted(INNER, 0.5))
 
@@ -122,9 +125,9 @@ class Segment:
             form = answer.method.form
             self.reference = form.observe(self.raced.scene, answer.solution.states)
         values = getattr(answer.error.difference, self.want)
-        # Differences may be 0: 1e-99 keeps quotient and logarithm finite.
-        before = max(float(values[: _MIDDLE + 1].max()), 1e-99)
-        return float(np.log2(max(float(values.max()), 1e-99) / before))
+        in_first_half = max(float(values[: _MIDDLE + 1].max()), _NO_DIFFERENCE)
+        in_all = max(float(values.max()), _NO_DIFFERENCE)
+        return float(np.log2(in_all / in_first_half))
 
     def error(self, run: Run) -> float:
         """The error of a run on the segment, of L and E or of the orientation."""

@@ -26,7 +26,7 @@ Array = np.ndarray
 _BOUNDED = 0.975
 # Times at which two runs are compared, as shares of the run in `INNER`, shape (137,): equispaced ones,
 # and ones that grow from the start on by a constant ratio, since what damping leaves of an error lies
-# there. The numbers are estimates.
+# there. The numbers are estimates: with more times a run of few steps takes longer to compare.
 _EQUISPACED = 96
 _GROWING = 40
 # The first of the latter, as a share of the run: the shortest damping time of a very stiff one.
@@ -40,7 +40,8 @@ INNER = np.unique(
 _ROUNDING = 2.0
 _ROUNDING_GROWTH = 0.7
 # Compared times on either side of one whose largest difference stands for that time: differences
-# pass through zero. The number is an estimate.
+# pass through zero. An estimate: with fewer, errors between two rows would be stated too small where they
+# oscillate slowly.
 _NEIGHBOURS = 6
 # No time has less than this share of the largest statement of the run: fits do not reach further.
 _LEAST_SHARE = 0.1
@@ -176,10 +177,31 @@ def stated(
 ) -> RunError:
     """State the error of a run whose observables at the compared times differ so from a second one's.
 
-    `apart` are the differences and `turns` the rotations of the run. `least` is a difference below which
-    two runs agree by luck, `rounded_steps` is the rounding that steps add up, in eps. The upper end is
-    factor × max(difference, least) + rounding; the kind and family set the factor. The differences of
-    a closed form are its rounding already (`of_rounding`): nothing is added to them.
+    The upper end is factor × max(difference, least) + rounding; the kind and family set the factor. The
+    differences of a closed form are its rounding already (`of_rounding`): nothing is added to them.
+
+    Parameters
+    ----------
+    ellipsoid : Ellipsoid
+    kind, family : str
+        Kind of confirmation, and family of methods, as `fitted.factors` has them.
+    apart : Difference
+        The differences at the compared times.
+    observables : Observables
+        Of the run, at the compared times.
+    turns : float
+        Rotations of the run.
+    least : float
+        A difference below which two runs agree by luck.
+    note : str
+        What the statement rests on.
+    rounded_steps : float
+        The rounding that steps add up, in eps.
+
+    Raises
+    ------
+    KeyError
+        If no factors are fitted for the kind and family.
     """
     momentum = np.abs(observables.angular_momentum).max(axis=0)
     size = float(max(momentum.max(), np.abs(observables.energy).max())) / max(ellipsoid.inertia)

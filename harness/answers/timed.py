@@ -39,36 +39,44 @@ _TARGETS = {"below 10 ms": (1.4, 3.0), "10 to 100 ms": (0.8, 1.2), "above 0.1 s"
 _BUSY = 2.0
 # Rows of a solution.
 TIMED_ROWS = 201
-# Decades of St and of the error.
+# How scenes are drawn: choices, so that answers of all strata occur. "Decades" are the least and the largest
+# log₁₀. Decades of the two shorter semi-axes over the longest, of St and of the error.
+_AXES = (-0.8, -0.02)
 _STOKES = (-2.0, 7.0)
 _ERRORS = (-9.0, -3.0)
+# Decades of the slow time T/St from `_SLOW_TIME_FROM` on, an St; below, the time in inverse shear rates.
+_SLOW_TIMES = (-1.3, 0.0)
+_SLOW_TIME_FROM = 20.0
+_SHORT_TIME = 20.0
 # St from which on the orientation is not requested: it would have to be followed through all turns.
-# The number is an estimate.
+# An estimate.
 _SLOW_FROM = 3e4
 # The requested error is missed beyond this multiple of it: plain practice is the reference, whose own
 # error may be half of it.
 MISSED = 1.5
 # Scenes that are solved first, so that all is compiled; an estimate.
 _WARM_UP = 12
-# Runs of plain practice, at most, its tightest tolerance, and seconds of a run.
+# Runs of plain practice, at most: they go from a tenth of the error to 1e-8 of it.
 _RUNS = 8
+# Its tightest tolerance, near what rounding allows.
 _TIGHTEST = 1e-14
+# Seconds of a run after which plain practice gives up. An estimate: scenes that take longer are left out.
 _SECONDS = 60.0
 
 
 class Timing(NamedTuple):
-    """One scene: seconds of the answer and of plain practice, how far they are apart, and what was stated."""
+    """One scene: the answer beside plain practice."""
 
-    name: str
-    family: str
+    name: str  # "seed-number"
+    family: str  # of the body
     stokes: float
-    error: float
-    want: str
+    error: float  # requested
+    want: str  # what the error is of: "slow" or "orientation"
     method: str
-    seconds: float
-    plain: float
-    apart: float
-    stated: float | None
+    seconds: float  # of the answer
+    plain: float  # seconds of plain practice
+    apart: float  # largest difference of the two, in the unit of the error
+    stated: float | None  # upper end of the answer's error; None if it states none
 
     @property
     def ratio(self) -> float:
@@ -83,7 +91,7 @@ def drawn(seed: int, index: int) -> tuple[Scene, float, str, str]:
     From St = 20 on a run takes a slow time T/St of 0.05 to 1, below 20 units of the inverse shear rate.
     """
     random = np.random.default_rng((seed, index))
-    middle, short = sorted(10 ** random.uniform(-0.8, -0.02, 2), reverse=True)
+    middle, short = sorted(10 ** random.uniform(*_AXES, 2), reverse=True)
     family = ("triaxial", "triaxial", "prolate", "oblate")[index % 4]
     axes = {
         "triaxial": (1.0, middle, short),
@@ -93,7 +101,9 @@ def drawn(seed: int, index: int) -> tuple[Scene, float, str, str]:
     angles = (acos(random.uniform(-1, 1)), random.uniform(0, 2 * pi), random.uniform(0, 2 * pi))
     x, y, z = random.normal(size=3).tolist()
     stokes = float(10 ** random.uniform(*_STOKES))
-    time = stokes * float(10 ** random.uniform(-1.3, 0)) if stokes > 20 else 20.0
+    time = _SHORT_TIME
+    if stokes > _SLOW_TIME_FROM:
+        time = stokes * float(10 ** random.uniform(*_SLOW_TIMES))
     error = float(f"{10 ** random.uniform(*_ERRORS):.1e}")
     want = "orientation" if stokes < _SLOW_FROM and random.random() < 0.5 else "slow"
     a, b, c = (float(axis) for axis in axes)
@@ -165,12 +175,12 @@ class Stratum(NamedTuple):
 
     name: str
     scenes: int
-    median: float
-    nine_of_ten: float
-    quicker: float
-    missed: int
+    median: float  # of the ratios
+    nine_of_ten: float  # ratio that nine of ten scenes stay below
+    quicker: float  # share of the scenes where the answer took less time
+    missed: int  # erred by more than `MISSED` times the error requested
     doubted: int  # met the error against plain practice, but stated a larger one or none
-    targets: tuple[float, float]
+    targets: tuple[float, float]  # for the median and for nine of ten
 
 
 @contextmanager

@@ -16,8 +16,10 @@ from polhode.harness.answers.runs import Run, Runner
 from polhode.harness.answers.statement import difference
 from polhode.solvers.contract import Status
 
-# Runs at most; an estimate.
+# Runs of a search, at most. An estimate: more cost more than the tolerance that they find would spare.
 _MAX_RUNS = 6
+# An error of 0 counts as this, so that a quotient stays finite.
+_NO_ERROR = 1e-99
 # The largest ratio of tolerances over which errors are taken to be proportional to them; an estimate.
 _FAR = 2 * LOOSER
 # The largest error that a run may have by its difference, and by proportion, which plans runs too, as shares
@@ -166,6 +168,6 @@ def _power(looser: Run, tighter: Run) -> float:
 
 def _planned(method: Method, nearest: Known, error: float, power: float) -> float:
     """The tolerance at which a method is planned to have its share of an error."""
-    stride = (_PLANNED_SHARE * error / max(nearest.error, 1e-99)) ** (1 / power)
+    stride = (_PLANNED_SHARE * error / max(nearest.error, _NO_ERROR)) ** (1 / power)
     stride = min(MAX_STRIDE, max(1 / MAX_STRIDE, stride))
     return rounded(method, stride * nearest.run.tolerance)
