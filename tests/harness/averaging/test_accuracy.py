@@ -111,7 +111,8 @@ def test_a_body_is_the_same_for_ever():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_bodies_belong_to_their_kind(kind: str):
-    for number in range(3):
+    # Tables that tell kicks take a second for each body that is drawn, until one belongs to the kind.
+    for number in range(1 if kind == "resonance" else 3):
         body = drawn(kind, number)
         scene = body.scene(1e5)
         axes = np.sort(body.semi_axes)
@@ -491,11 +492,14 @@ def test_no_process_begins_a_task_after_the_deadline(
 
 def test_the_command_measures_writes_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(random_study, "QUICK_BODIES", {10.0: 1})
+    # A spheroid, a body across L² = 2EI₂, and one that averaging refuses: no long tables.
+    kinds = ("oblate", "crosses", "rest")
+    monkeypatch.setattr(random_study, "tasks", lambda bodies: tasks(bodies, kinds))
     monkeypatch.chdir(tmp_path)
     options = ["accuracy", "--quick", "--quiet", "--workers", "0"]
     outcome = runner().invoke(polhode, [*options, "--json"])
     assert outcome.exit_code == 0, outcome.output
-    assert len(json.loads(outcome.stdout)["references"]) == len(KINDS)
+    assert len(json.loads(outcome.stdout)["references"]) == len(kinds)
     assert "reports/accuracy-quick/README.md" in outcome.stderr
     written = tmp_path / "reports" / "accuracy-quick" / "README.md"
     before = written.read_text(encoding="utf-8")
