@@ -12,8 +12,16 @@ from polhode.harness.pages import flows
 
 
 def test_a_quick_page_is_made_of_its_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    # As many steps in long double as the errors of the looser runs ask for.
-    monkeypatch.setattr(measure, "_RUN_STEPS", 150)
+    # As many steps in long double as the looser runs ask for, and the splines through few knots.
+    monkeypatch.setattr(measure, "_RUN_STEPS", 60)
+    monkeypatch.setattr(measure, "_TRACK_STEPS", 50)
+    # Two runs of each form, one of them along a track: Taylor's method is compiled for each tolerance.
+    random_scenes = measure.random_scenes
+    monkeypatch.setattr(measure, "random_scenes", lambda count: random_scenes(count // 2))
+    # One row of each kind that the page tells apart: compiling the others takes most of the time.
+    costs = (("spheroid", "spheroid-axis", 10.0, ("cyrk-vern8", "taylor", "splitting")),)
+    monkeypatch.setattr(measure, "_COSTS", costs)
+    monkeypatch.setattr(measure, "_TRACK_SOLVERS", ("cyrk-vern8", "dop853"))
     flows.write_tables(measure.measure_all(quick=True, quiet=True), here(), tmp_path)
     page = flows.write_page(tmp_path, "polhode flows --quick").read_text(encoding="utf-8")
     assert page == flows.page(tmp_path, "polhode flows --quick")
@@ -21,9 +29,15 @@ def test_a_quick_page_is_made_of_its_tables(tmp_path: Path, monkeypatch: pytest.
     found = flows.read_tables(tmp_path)
     assert found["fields"]["apart"].max() < 1e-14
     assert found["orbits"]["apart"].max() < 1e-10
+    assert found["costs"]["solver"].tolist() == ["cyrk-vern8", "taylor", "splitting"]
+    assert found["costs"]["apart"].max() < 1e-6
+    # Errors fall with the fourth power of the spacing.
+    assert found["orders"]["error"].iloc[-2] / found["orders"]["error"].iloc[-1] > 8
+    assert found["knots"]["solver"].tolist() == ["cyrk-vern8", "dop853"]
     counts = flows.bounded(found["stated"])
-    assert counts["runs"].sum() == 16
-    assert "Of 16 random runs" in page
+    assert counts["runs"].sum() == 8
+    assert len(counts) == 2 * len({*counts["form"]}) == 8
+    assert "Of 8 random runs" in page
 
 
 def test_a_failed_run_is_not_within_the_error_that_it_states():
