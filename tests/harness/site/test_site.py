@@ -44,15 +44,28 @@ def test_what_is_missing_is_named_with_its_command(tmp_path: Path):
     assert "to make: <code>polhode bench</code>" in pages["cost"]
 
 
-def test_a_page_that_another_version_measured_says_so(
+def test_a_page_that_another_version_or_other_code_measured_says_so_in_red(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(sources, "versions", lambda: {"polhode": "0.2.0"})
-    reports = tmp_path / "reports"
+    monkeypatch.setattr(sources, "code_digest", lambda: "a" * 12)
     made_by = {"old": "0.1.0", "next": "0.2.1.dev0", "before": "0.2.0.dev0", "new": "0.2.0"}
-    for name, version in made_by.items():
+    texts = {
+        name: f"# Page\n\nMeasured on 2026-01-01 on a machine (numpy 2.4.6, polhode {version}).\n"
+        for name, version in made_by.items()
+    }
+    record = {"versions": {"polhode": "0.2.0"}}
+    records_by_page = {
+        "today": [{**record, "code": "a" * 12}],
+        "other": [{**record, "code": "a" * 12}, {**record, "code": "b" * 12}],
+        # Today's code under the name of an earlier version.
+        "renamed": [{"versions": {"polhode": "0.1.0"}, "code": "a" * 12}],
+    }
+    for name, records in records_by_page.items():
+        texts[name] = "\n".join(["# Page", "", *provenance("polhode bench", records)])
+    reports = tmp_path / "reports"
+    for name, text in texts.items():
         (reports / name).mkdir(parents=True)
-        text = f"# Page\n\nMeasured on 2026-01-01 on a machine (numpy 2.4.6, polhode {version}).\n"
         (reports / name / "README.md").write_text(text, encoding="utf-8")
     pages = site(tmp_path / "site", reports)
     for name in ("old", "next", "before"):
@@ -61,6 +74,10 @@ def test_a_page_that_another_version_measured_says_so(
     # Today's code names itself on the page.
     warning = '<p class="outdated">Measured by earlier code of polhode 0.2.0: numbers may differ.'
     assert warning in pages["reports/new/README"]
+    red = f'<p class="outdated">Measured by other code ({"b" * 12}) than today'
+    assert red in pages["reports/other/README"]
+    for name in ("today", "renamed"):
+        assert "outdated" not in pages[f"reports/{name}/README"]
 
 
 def test_a_page_warns_by_each_version_that_measured_it(monkeypatch: pytest.MonkeyPatch):
@@ -70,30 +87,6 @@ def test_a_page_warns_by_each_version_that_measured_it(monkeypatch: pytest.Monke
     assert "Measured by polhode 0.1.0 and of an unknown version, not by today's 0.2.0" in warned
     earlier = sources._outdated("\n".join(provenance("", records[1:])))
     assert "Measured by earlier code of polhode 0.2.0: numbers may differ." in earlier
-
-
-def test_a_page_that_other_code_measured_says_so_in_red(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    monkeypatch.setattr(sources, "versions", lambda: {"polhode": "0.2.0"})
-    monkeypatch.setattr(sources, "code_digest", lambda: "a" * 12)
-    record = {"versions": {"polhode": "0.2.0"}}
-    records_by_page = {
-        "today": [{**record, "code": "a" * 12}],
-        "other": [{**record, "code": "a" * 12}, {**record, "code": "b" * 12}],
-        # Today's code under the name of an earlier version.
-        "renamed": [{"versions": {"polhode": "0.1.0"}, "code": "a" * 12}],
-    }
-    reports = tmp_path / "reports"
-    for name, records in records_by_page.items():
-        (reports / name).mkdir(parents=True)
-        text = "\n".join(["# Page", "", *provenance("polhode bench", records)])
-        (reports / name / "README.md").write_text(text, encoding="utf-8")
-    pages = site(tmp_path / "site", reports)
-    red = f'<p class="outdated">Measured by other code ({"b" * 12}) than today'
-    assert red in pages["reports/other/README"]
-    for name in ("today", "renamed"):
-        assert "outdated" not in pages[f"reports/{name}/README"]
 
 
 def links_of(page: str) -> set[str]:
