@@ -22,10 +22,10 @@ from polhode.harness.averaging.shares import (
     ORDER_TWO,
     SHARES,
     THEORY,
+    all_needed,
     all_times,
     at,
     kinds_in,
-    needed,
     slopes_between,
 )
 from polhode.harness.common.files import write_file
@@ -110,13 +110,11 @@ def _factors(runs: Frame, exponents: dict[str, float]) -> tuple[dict[str, float]
 
 def _thresholds(runs: Frame, kind: str, order: str) -> dict[str, list[float | None]]:
     """St from which on each share of SHARES meets an error, by the error in text; None where unknown."""
-    thresholds = {}
-    for target in ERRORS_MET:
-        numbers: list[float | None] = []
-        for share in SHARES:
-            stokes, _ = needed(runs, kind, order, share, target)
+    thresholds: dict[str, list[float | None]] = {f"{target:g}": [] for target in ERRORS_MET}
+    for share in SHARES:
+        answers = all_needed(runs, kind, order, share, ERRORS_MET)
+        for numbers, (stokes, _) in zip(thresholds.values(), answers, strict=True):
             numbers.append(None if isnan(stokes) else _rounded(stokes))
-        thresholds[f"{target:g}"] = numbers
     return thresholds
 
 

@@ -302,8 +302,8 @@ def cancelled(runs: Frame) -> tuple[list[Cancelled], int]:
     rows = []
     count = 0
     averaged = runs[runs["order"].isin(THEORY) & (runs["slow"] > KNOWN * runs["uncertainty"])]
+    averaged = averaged[averaged["stokes"] >= _CANCELLATION_FROM].sort_values("stokes")
     for (kind, body, order), group in averaged.groupby(["kind", "body", "order"]):
-        group = group[group["stokes"] >= _CANCELLATION_FROM].sort_values("stokes")
         stokes = group["stokes"].to_numpy()
         error = group["slow"].to_numpy()
         # Each St that has neighbours on both sides.
@@ -372,12 +372,21 @@ def nearest(values: Iterable[float], stokes: float) -> float:
 
 def needed(runs: Frame, kind: str, order: str, share: float, target: float) -> tuple[float, str]:
     """St from which a share of a kind meets an error by an order, and where that comes from (`Quantile.needed`)."""
+    return all_needed(runs, kind, order, share, (target,))[0]
+
+
+def all_needed(
+    runs: Frame, kind: str, order: str, share: float, targets: Sequence[float]
+) -> list[tuple[float, str]]:
+    """What `needed` says of each of several errors; the quantile is computed once."""
     there = runs[(runs["kind"] == kind) & (runs["order"] == order)]
     errors = quantile(there, share)
     if errors is None:
-        return nan, "never"
+        return [(nan, "never") for _ in targets]
+    exponent = THEORY[order]
     if kind == "resonance":
-        return errors.needed(target, _RESONANCE)
-    # The exponent of the law that most of the bodies follow.
-    crossing = order == ORDER_ONE and 2 * there["crosses"].mean() > 1
-    return errors.needed(target, CROSSING_EXPONENT if crossing else THEORY[order])
+        exponent = _RESONANCE
+    elif order == ORDER_ONE and 2 * there["crosses"].mean() > 1:
+        # The exponent of the law that most of the bodies follow.
+        exponent = CROSSING_EXPONENT
+    return [errors.needed(target, exponent) for target in targets]

@@ -29,6 +29,7 @@ from polhode.harness.averaging.shares import (
     Bounded,
     Cancelled,
     Exponent,
+    all_needed,
     all_times,
     at,
     bounded,
@@ -89,7 +90,7 @@ def write_page(data: Data, folder: Path, command: str) -> dict[str, Any]:
         "break off where bodies are refused. No times are shown."
     )
     save(bands(_panels(data), note), folder, "errors")
-    write_file(folder / "README.md", page(data, command))
+    write_file(folder / "README.md", page(data, command, laws))
     return laws
 
 
@@ -115,8 +116,8 @@ class Analysis(NamedTuple):
         )
 
 
-def page(data: Data, command: str) -> str:
-    """The report as Markdown."""
+def page(data: Data, command: str, laws: dict[str, Any] | None = None) -> str:
+    """The report as Markdown; the laws that the data show are computed unless given."""
     analysis = Analysis.of(data)
     runs = analysis.runs
     sentences = findings(data, analysis)
@@ -125,7 +126,7 @@ def page(data: Data, command: str) -> str:
     return fill(
         "accuracy",
         made=provenance(command, [*data.timed.values()]),
-        which_form=which_form(laws_of(data)),
+        which_form=which_form(laws or laws_of(data)),
         answers=answers,
         findings=[line for line in sentences if line not in answers],
         needed={order: needed_rows(runs, order) for order in (ORDER_ONE, ORDER_TWO)},
@@ -233,33 +234,44 @@ def needed_rows(runs: Frame, order: str) -> list[dict[str, str]]:
     rows = []
     for kind in kinds_in(runs):
         row = {"kind": kind}
-        for i, target in enumerate(ERRORS_MET):
-            row[f"t{i}"] = _both(runs, kind, order, target)
+        halves, mosts = (all_needed(runs, kind, order, share, ERRORS_MET) for share in SHARES)
+        for i, (half, most) in enumerate(zip(halves, mosts, strict=True)):
+            row[f"t{i}"] = _both(half, most)
         rows.append(row)
     return rows
 
 
 def cost_rows(data: Data, runs: Frame, order: str) -> list[dict[str, str]]:
-    """For each kind how many times as fast as the full equations an order is (`gain`); columns as in `needed_rows`."""
+    """For each kind how many times as fast as the full equations an order is (`gains`); columns as in `needed_rows`."""
     rows = []
     for kind in kinds_in(runs):
         row = {"kind": kind}
-        for i, target in enumerate(ERRORS_MET):
-            row[f"t{i}"] = _gain(*gain(data, runs, kind, order, target))
+        for i, (ratio, source) in enumerate(gains(data, runs, kind, order)):
+            row[f"t{i}"] = _gain(ratio, source)
         rows.append(row)
     return rows
 
 
-def gain(data: Data, runs: Frame, kind: str, order: str, target: float) -> tuple[float, str]:
+def gains(data: Data, runs: Frame, kind: str, order: str) -> list[tuple[float, str]]:
     """How many times as long the full equations take where 97.5 % of the bodies meet an error, and the source.
 
-    Both times are taken at a decade of St at which full runs were timed: the first one at or above the St from
-    which on the error is met. Beyond the last such decade, full runs are taken to need a time in proportion
-    to St. The ratio is NaN if a time or that St is unknown; the source is one of `Quantile.needed`.
+    There is one pair for each of ERRORS_MET. Both times are taken at a decade of St at which full runs were
+    timed: the first one at or above the St from which on the error is met. Beyond the last such decade, full
+    runs are taken to need a time in proportion to St. The ratio is NaN if a time or that St is unknown; the
+    source is one of `Quantile.needed`.
     """
-    stokes, source = needed(runs, kind, order, SHARES[-1], target)
-    full = full_seconds(data, kind, target)
     form = form_seconds(runs, kind, order)
+    answers = all_needed(runs, kind, order, SHARES[-1], ERRORS_MET)
+    return [
+        _gain_at(full_seconds(data, kind, target), form, stokes, source)
+        for target, (stokes, source) in zip(ERRORS_MET, answers, strict=True)
+    ]
+
+
+def _gain_at(
+    full: dict[float, float], form: dict[float, float], stokes: float, source: str
+) -> tuple[float, str]:
+    """The ratio at one St, of seconds by St, and its source."""
     if isnan(stokes) or not full or not form:
         return nan, source
     largest = max(full)
@@ -278,8 +290,8 @@ def _slower(data: Data, runs: Frame) -> dict[str, list[tuple[str, float, float]]
     for order in (ORDER_ONE, ORDER_TWO):
         slower[order] = []
         for kind in kinds_in(runs):
-            for target in ERRORS_MET:
-                ratio, source = gain(data, runs, kind, order, target)
+            found = gains(data, runs, kind, order)
+            for target, (ratio, source) in zip(ERRORS_MET, found, strict=True):
                 if ratio < 1 and source != "extrapolated":
                     slower[order].append((kind, target, ratio))
     return slower
@@ -316,7 +328,8 @@ def time_rows(data: Data) -> list[dict[str, str]]:
         row = {"kind": kind}
         for i, runs in enumerate(frames.values()):
             for order, name in ((ORDER_ONE, "first"), (ORDER_TWO, "second")):
-                row[f"{name}{i}"] = _both(runs, kind, order, _SHOWN_TARGET)
+                half, most = (needed(runs, kind, order, share, _SHOWN_TARGET) for share in SHARES)
+                row[f"{name}{i}"] = _both(half, most)
         rows.append(row)
     return rows
 
@@ -452,9 +465,10 @@ def _band(group: Frame, column: str, order: str, crosses: bool) -> list[Band]:
     return [Band(order, crosses, stokes, *(tuple(end.error) for end in ends))]
 
 
-def _both(runs: Frame, kind: str, order: str, target: float) -> str:
-    """St from which half of a kind and 97.5 % of it meet an error; once if neither does."""
-    half, most = (_needed(*needed(runs, kind, order, share, target)) for share in SHARES)
+def _both(of_half: tuple[float, str], of_most: tuple[float, str]) -> str:
+    """St from which half of a kind and 97.5 % of it meet an error, each with its source; once if neither does."""
+    half = _needed(*of_half)
+    most = _needed(*of_most)
     neither = half == most and half.startswith(("–", ">"))
     return half if neither else f"{half} / {most}"
 
