@@ -103,34 +103,40 @@ def stretching(
     RuntimeError
         A run failed.
     """
-    integrator = _tangent_integrator()
-    lanes = integrator.batch_size
+    lanes = _tangent_integrator().batch_size
     quaternions = np.array([quaternion_from_euler(start) for start in angles])
-    tangents = _turned_aside(quaternions)
-    integrator.pars[:] = np.array(shares(ellipsoid))[:, None]
-    duration = half_turn(ellipsoid)
     logarithms = np.empty((len(angles), len(half_turns)))
     for first in range(0, len(angles), lanes):
-        # One orbit in each lane. The last orbits may be fewer than the lanes: `np.resize` repeats
-        # them, and the rows that it adds are left out below.
-        together = quaternions[first : first + lanes]
-        integrator.set_time(0.0)
-        integrator.state[:_DIMENSION] = np.resize(together, (lanes, _DIMENSION)).T
-        aside = tangents[first : first + lanes]
-        integrator.state[_DIMENSION:] = np.resize(aside, (lanes, _DIMENSION)).T
-        stretched = np.zeros(lanes)
-        for turn in range(1, half_turns[-1] + 1):
-            integrator.propagate_until(turn * duration)
-            length = np.linalg.norm(integrator.state[_DIMENSION:], axis=0)
-            integrator.state[_DIMENSION:] /= length
-            stretched += np.log(length)
-            if turn in half_turns:
-                rows = logarithms[first : first + lanes]
-                rows[:, half_turns.index(turn)] = stretched[: len(rows)]
-        if not np.isfinite(stretched).all():
-            raise RuntimeError(
-                "the run of an orbit and its tangent failed, expected finite lengths"
-            )
+        batch = slice(first, first + lanes)
+        logarithms[batch] = _batch_stretching(ellipsoid, quaternions[batch], half_turns)
+    return logarithms
+
+
+def _batch_stretching(
+    ellipsoid: Ellipsoid, quaternions: np.ndarray, half_turns: Sequence[int]
+) -> np.ndarray:
+    """`stretching` of up to as many orbits as there are lanes, from quaternions, shape (n, 4)."""
+    integrator = _tangent_integrator()
+    lanes = integrator.batch_size
+    # Fewer orbits than lanes are repeated to fill these; the result leaves the copies out.
+    integrator.state[:_DIMENSION] = np.resize(quaternions, (lanes, _DIMENSION)).T
+    tangents = _turned_aside(quaternions)
+    integrator.state[_DIMENSION:] = np.resize(tangents, (lanes, _DIMENSION)).T
+    integrator.pars[:] = np.array(shares(ellipsoid))[:, None]
+    integrator.set_time(0.0)
+    duration = half_turn(ellipsoid)
+    logarithms = np.empty((len(quaternions), len(half_turns)))
+    # The logarithm of each lane's stretching so far.
+    stretched = np.zeros(lanes)
+    for turn in range(1, half_turns[-1] + 1):
+        integrator.propagate_until(turn * duration)
+        length = np.linalg.norm(integrator.state[_DIMENSION:], axis=0)
+        integrator.state[_DIMENSION:] /= length
+        stretched += np.log(length)
+        if turn in half_turns:
+            logarithms[:, half_turns.index(turn)] = stretched[: len(quaternions)]
+    if not np.isfinite(stretched).all():
+        raise RuntimeError("the run of an orbit and its tangent failed, expected finite lengths")
     return logarithms
 
 
@@ -246,21 +252,22 @@ def measure_layer(ellipsoid: Ellipsoid, turns: int) -> tuple[float, float]:
     RuntimeError
         An orbit's run failed.
     """
-    # Each round tries `_PROBES` orbits between the ends of each interval, and keeps the part next
-    # to the end that is looked for: before the first probe that circulates, or after the last one
-    # that librates.
     duration = turns * half_turn(ellipsoid)
+    # Intervals that hold the end of pure libration and the end of pure circulation. Each round tries
+    # orbits in both, and keeps of each the part, between two neighbouring probes, that holds the end.
     libration = _SEARCHED
     circulation = _SEARCHED
     for _ in range(_ROUNDS):
         offsets = np.concatenate([_probes(libration), _probes(circulation)])
         starts = [(pi / 2 + float(offset), 0.0, PSI) for offset in offsets]
         points = section_points(ellipsoid, starts, duration)
+        # The part of the first interval before the first probe that circulates.
         circulating = [_circulates(psi) for _, psi in points[:_PROBES]]
-        librating = [_librates(theta) for theta, _ in points[_PROBES:]]
         first = circulating.index(True) if any(circulating) else _PROBES
         bounds = [libration[0], *offsets[:_PROBES], libration[1]]
         libration = (bounds[first], bounds[first + 1])
+        # The part of the second interval after the last probe that librates.
+        librating = [_librates(theta) for theta, _ in points[_PROBES:]]
         last = _PROBES - librating[::-1].index(True) if any(librating) else 0
         bounds = [circulation[0], *offsets[_PROBES:], circulation[1]]
         circulation = (bounds[last], bounds[last + 1])

@@ -88,6 +88,14 @@ _MOST_DRAWN = 5000
 _THIN_SHARE = 0.05
 # Starts with φ = 0, which are drawn: by eye, enough to fill the section.
 _ON_SECTION_STARTS = 72
+_REDUCED_STARTS = 16  # Of either random kind on the reduced grid.
+# Half turns over which a layer is measured: the more, the wider it shows itself. Two counts show by
+# how much; they are estimates.
+_LAYER_HALF_TURNS = (200, 800)
+# Points of a section that are kept at most, of all of it and of the magnified view: more than are
+# drawn, for those who take the data. Estimates.
+_POINTS_KEPT = 9000
+_CLOSE_POINTS_KEPT = 6000
 
 
 @dataclass(frozen=True)
@@ -98,6 +106,33 @@ class Start:
     theta: float
     psi: float
     phi: float = 0.0
+
+
+def _angles_of(start: Start) -> Triple:
+    """Euler angles (θ, φ, ψ) of a start, in rad."""
+    return start.theta, start.phi, start.psi
+
+
+def _random_starts(generator: np.random.Generator, kind: float, count: int) -> list[Start]:
+    """Starts with cos θ and ψ uniform, and φ too if they are isotropic, else 0."""
+    thetas = np.arccos(generator.uniform(-1.0, 1.0, count)).tolist()
+    psis = generator.uniform(-pi / 2, pi / 2, count).tolist()
+    # Drawn also where they are not used: both kinds take the same numbers of the generator.
+    phis = generator.uniform(0.0, 2 * pi, count).tolist()
+    starts = []
+    for theta, psi, phi in zip(thetas, psis, phis, strict=True):
+        starts.append(Start(kind, theta, psi, phi if kind == _ISOTROPIC else 0.0))
+    return starts
+
+
+def _starts_about(layer: tuple[float, float], steps: Sequence[float]) -> list[Start]:
+    """Starts at steps, as of `_STEPS_OFF`, from the middle of a layer with these ends, at ψ = 0."""
+    librating, circulating = layer
+    middle = (librating + circulating) / 2
+    if circulating - librating <= _ROUNDING:
+        # An orbit on a sharp separatrix would only rest at the saddle.
+        steps = [step for step in steps if step != 0]
+    return [Start(_ABOUT, pi / 2 + middle * (1 + step), PSI) for step in steps]
 
 
 @dataclass(frozen=True)
@@ -117,7 +152,7 @@ class _Sections(Experiment):
 
     seconds: ClassVar[float] = 40.0
     ellipsoid: Ellipsoid
-    sections: int  # Half turns to follow: about so many section points for each orbit.
+    half_turns: int  # How long to follow: about so many section points for each orbit.
     close: tuple[float, float]  # Half width in θ and ψ, in rad, of the magnified view.
     isotropic: int  # Starts of random orientation.
     layered: bool = False  # Whether to look for the layer of chaos along the separatrix.
@@ -130,86 +165,85 @@ class _Sections(Experiment):
         """
         # Any seed would do.
         generator = np.random.default_rng(7)
-        starts = []
-        for kind, full in ((_ISOTROPIC, self.isotropic), (_ON_SECTION, _ON_SECTION_STARTS)):
-            count = grid.of(full, 16)
-            theta = np.arccos(generator.uniform(-1.0, 1.0, count)).tolist()
-            psi = generator.uniform(-pi / 2, pi / 2, count).tolist()
-            phi = generator.uniform(0.0, 2 * pi, count).tolist()
-            for place in range(count):
-                angle = phi[place] if kind == _ISOTROPIC else 0.0
-                starts.append(Start(kind, theta[place], psi[place], angle))
-        offsets = _BESIDE_OFFSETS[: grid.of(3, 1)]
+        starts = _random_starts(generator, _ISOTROPIC, grid.of(self.isotropic, _REDUCED_STARTS))
+        count = grid.of(_ON_SECTION_STARTS, _REDUCED_STARTS)
+        starts += _random_starts(generator, _ON_SECTION, count)
+        offsets = grid.of(_BESIDE_OFFSETS, _BESIDE_OFFSETS[:1])
         starts += [Start(_BESIDE, pi / 2 + offset, _BESIDE_PSI) for offset in offsets]
         if layers:
-            # Distances from θ = π/2, in rad, of the layer's ends over the largest number of half
-            # turns.
-            librating, circulating = layers[-1]
-            middle = (librating + circulating) / 2
-            steps = _STEPS_OFF[:: grid.of(1, 2)]
-            if circulating - librating <= _ROUNDING:
-                # An orbit on a sharp separatrix would only rest at the saddle.
-                steps = [step for step in steps if step != 0]
-            starts += [Start(_ABOUT, pi / 2 + middle * (1 + step), PSI) for step in steps]
+            starts += _starts_about(layers[-1], grid.of(_STEPS_OFF, _STEPS_OFF[::2]))
         return starts
 
     def compute(self, grid: Grid) -> Computed:
         """Stretching of every start, section points of those on the section, the width of the layer of chaos."""
-        body = self.ellipsoid
-        turns = grid.of(self.sections, self.sections // 6)
-        # The share of chaotic orbits after fewer half turns shows whether it still changes.
-        earlier = [turns // 4, turns // 2, turns]
-        # Half turns over which the layer is measured: the more, the wider it shows itself. Two
-        # counts show by how much; they are estimates.
-        counts = grid.of((200, 800), (100,)) if self.layered else ()
-        layers = [measure_layer(body, count) for count in counts]
+        half_turns = grid.of(self.half_turns, self.half_turns // 6)
+        duration = half_turns * half_turn(self.ellipsoid)
+        layer_half_turns = grid.of(_LAYER_HALF_TURNS, (100,)) if self.layered else ()
+        layers = [measure_layer(self.ellipsoid, count) for count in layer_half_turns]
         starts = self.starts(grid, layers)
-        angles = [(start.theta, start.phi, start.psi) for start in starts]
-        # Logarithms of the stretching, and whether that is chaos: shape (starts, counts of half
-        # turns).
-        stretches = stretching(body, angles, earlier)
-        chaotic = stretches > [chaos_border(count) for count in earlier]
+        yield from self._stretching(starts, half_turns)
+        yield from self._points(grid, starts, duration)
+        yield "settings", {"duration": duration, "turns": half_turns}
+        if layers:
+            yield from self._layer(grid, layer_half_turns, layers)
+
+    def _stretching(self, starts: Sequence[Start], half_turns: int) -> Computed:
+        """Tables "growth" and "orbits": the stretching of every start, and whether that is chaos."""
+        # The share of chaotic orbits after fewer half turns shows whether it still changes.
+        counts = [half_turns // 4, half_turns // 2, half_turns]
+        angles = [_angles_of(start) for start in starts]
+        # Logarithms of the stretching, and whether that is chaos: shape (starts, 3), by `counts`.
+        logarithms = stretching(self.ellipsoid, angles, counts)
+        chaotic = logarithms > [chaos_border(count) for count in counts]
         kinds = np.array([start.kind for start in starts])
-        for place, count in enumerate(earlier):
-            wild = np.sum(chaotic[kinds == _ISOTROPIC, place])
-            yield "growth", {"turns": count, "chaotic": wild, "orbits": np.sum(kinds == _ISOTROPIC)}
+        isotropic = kinds == _ISOTROPIC
+        for place, count in enumerate(counts):
+            chaotic_count = np.sum(chaotic[isotropic, place])
+            row = {"turns": count, "chaotic": chaotic_count, "orbits": np.sum(isotropic)}
+            yield "growth", row
         columns = dict(zip(("theta", "phi", "psi"), np.transpose(angles), strict=True))
-        exponents = stretches[:, -1] / turns
-        row = {"orbit": np.arange(len(starts)), "kind": kinds, **columns}
-        yield "orbits", {**row, "exponent": exponents, "chaotic": chaotic[:, -1].astype(float)}
-        yield from self._points(grid, angles, kinds, turns * half_turn(body))
-        yield "settings", {"duration": turns * half_turn(body), "turns": turns}
-        for count, (low, high) in zip(counts, layers, strict=True):
+        rows = {"orbit": np.arange(len(starts)), "kind": kinds, **columns}
+        exponents = logarithms[:, -1] / half_turns
+        yield "orbits", {**rows, "exponent": exponents, "chaotic": chaotic[:, -1].astype(float)}
+
+    def _layer(
+        self, grid: Grid, half_turns: Sequence[int], layers: Sequence[tuple[float, float]]
+    ) -> Computed:
+        """Tables "layer", "saddle" and, for a layer wider than rounding, "across".
+
+        `layers` has the ends of the layer by number of half turns.
+        """
+        for count, (low, high) in zip(half_turns, layers, strict=True):
             ends = {"librating": low, "circulating": high}
             yield "layer", {"turns": count, **ends, "width": high - low}
-        if counts:
-            yield "saddle", {"growth": saddle_growth(body)}
-            low, high = layers[-1]
-            half = _WINDOW * (high - low)
-            if half > _ROUNDING:
-                window = ((low + high) / 2 - half, (low + high) / 2 + half)
-                yield "across", orbits_across(body, counts[-1], window, grid.of(_ACROSS, 32))
+        yield "saddle", {"growth": saddle_growth(self.ellipsoid)}
+        low, high = layers[-1]
+        half_window = _WINDOW * (high - low)
+        if half_window > _ROUNDING:
+            middle = (low + high) / 2
+            window = (middle - half_window, middle + half_window)
+            count = grid.of(_ACROSS, 32)
+            yield "across", orbits_across(self.ellipsoid, half_turns[-1], window, count)
 
-    def _points(
-        self, grid: Grid, angles: Sequence[Triple], kinds: np.ndarray, duration: float
-    ) -> Computed:
-        """Section points of the starts on the section: of all of them, and close to a saddle."""
-        drawn = np.flatnonzero(kinds != _ISOTROPIC).tolist()
-        paths = section_points(self.ellipsoid, [angles[number] for number in drawn], duration)
+    def _points(self, grid: Grid, starts: Sequence[Start], duration: float) -> Computed:
+        """Tables "" and "close": section points of the starts on the section, and those close to a saddle."""
+        # Numbers of the starts that are drawn.
+        drawn = [number for number, start in enumerate(starts) if start.kind != _ISOTROPIC]
+        angles = [_angles_of(starts[number]) for number in drawn]
+        paths = section_points(self.ellipsoid, angles, duration)
         width, height = self.close
         whole = []
         close = []
         for number, (theta, psi) in zip(drawn, paths, strict=True):
             points = np.column_stack([np.full(len(theta), number), theta, psi])
             # The picture of the whole section is too coarse for orbits about the separatrix.
-            if kinds[number] != _ABOUT:
+            if starts[number].kind != _ABOUT:
                 whole.append(points)
             # ψ is at most π/2: the frame has the saddle on its right edge.
             in_frame = (np.abs(theta - pi / 2) <= height) & (pi / 2 - psi <= width)
             close.append(points[in_frame])
-        # More points than are drawn (`_MOST_DRAWN`), for those who take the data. Estimates.
-        yield "", _thinned(np.concatenate(whole), grid.of(9000, 2000))
-        yield "close", _thinned(np.concatenate(close), grid.of(6000, 1000))
+        yield "", _thinned(np.concatenate(whole), grid.of(_POINTS_KEPT, 2000))
+        yield "close", _thinned(np.concatenate(close), grid.of(_CLOSE_POINTS_KEPT, 1000))
 
     @abstractmethod
     def judge(self, data: Data) -> Verdict:
@@ -663,7 +697,7 @@ LIMITS_SECTION = Section(
             "slender_prolate",
             "For b/a = 1/10, c/a = 1/20 chaotic trajectories are dominant.",
             DominantChaos(
-                Ellipsoid((1 / 20, 1 / 10, 1.0)), sections=120, close=(0.8, 0.8), isotropic=2000
+                Ellipsoid((1 / 20, 1 / 10, 1.0)), half_turns=120, close=(0.8, 0.8), isotropic=2000
             ),
         ),
         Item(
@@ -674,7 +708,7 @@ LIMITS_SECTION = Section(
             "the saddles.",
             ThinLayers(
                 Ellipsoid((1 / 3, 1.2 / 3, 1.0)),
-                sections=400,
+                half_turns=400,
                 close=(0.06, 0.06),
                 isotropic=400,
                 layered=True,
@@ -686,7 +720,7 @@ LIMITS_SECTION = Section(
             "flat_oblate",
             "For b/a = 1/2, c/a = 1/20 chaotic trajectories are dominant.",
             DominantChaos(
-                Ellipsoid((1.0, 1 / 2, 1 / 20)), sections=120, close=(0.8, 0.8), isotropic=2000
+                Ellipsoid((1.0, 1 / 2, 1 / 20)), half_turns=120, close=(0.8, 0.8), isotropic=2000
             ),
         ),
         Item(
@@ -697,7 +731,7 @@ LIMITS_SECTION = Section(
             "of the saddles.",
             ThinLayers(
                 Ellipsoid((1.0, 2 / 2.1, 1 / 2.1)),
-                sections=400,
+                half_turns=400,
                 close=(0.06, 0.03),
                 isotropic=400,
                 layered=True,
