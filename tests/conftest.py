@@ -5,6 +5,8 @@ import os
 import signal
 import sys
 import tempfile
+from collections.abc import Iterator
+from functools import partial
 from time import process_time
 
 import pytest
@@ -49,3 +51,27 @@ def swift_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     """As on a machine far faster, with nothing beside this process: limits of time stop no run that is meant."""
     for name in CLOCKS:
         monkeypatch.setattr(f"polhode.{name}.perf_counter", lambda: process_time() / SLOWER)
+
+
+@pytest.fixture(scope="module")
+def quickly_compiled() -> Iterator[None]:
+    """Leave out LLVM's optimisation of Taylor's method, which takes nine tenths of the compilation.
+
+    The equations, orders and steps are those of any run. A step takes twice as long; in double precision the
+    last digit may be another one. It is not for tests of times, or of the bits of several processes.
+    """
+    try:
+        from polhode.solvers.compile import load_heyoka
+        from polhode.solvers.taylor import forget_integrators
+
+        heyoka = load_heyoka()
+    except ImportError:
+        yield
+        return
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("taylor_adaptive", "taylor_adaptive_batch"):
+            patch.setattr(heyoka, name, partial(getattr(heyoka, name), opt_level=0))
+        yield
+    # Tests of other modules compile as users do.
+    forget_integrators()

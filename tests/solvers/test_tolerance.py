@@ -8,6 +8,8 @@ from polhode.solvers.catalogue import SOLVERS, solver
 from polhode.solvers.contract import SolverNotValidError
 from polhode.solvers.solve import solve
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 TOLERANCES = 10.0 ** -np.arange(4.0, 10.5)
 # These take their time, and their compiled counterparts go all the way.
 SHORTENED = ("radau", "bdf", "lsoda")

@@ -10,6 +10,8 @@ from polhode.harness.common.machine import here
 from polhode.harness.flows import measure
 from polhode.harness.pages import flows
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 
 def test_a_quick_page_is_made_of_its_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     # As many steps in long double as the looser runs ask for, and the splines through few knots.

@@ -14,6 +14,8 @@ from polhode.models.scenes import named_scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.solve import solve
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 TRIAXIAL = Ellipsoid((1.0, 0.8, 0.5))
 PROLATE = Ellipsoid((1.0, 1.0, 2.0))
 

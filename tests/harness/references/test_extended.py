@@ -11,6 +11,8 @@ from polhode.models.catalogue import reference_form
 from polhode.models.scenes import named_scene
 from polhode.solvers.solve import solve
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 
 @pytest.fixture(scope="module", params=["paper", "spheroid"])
 def known(request, tmp_path_factory):

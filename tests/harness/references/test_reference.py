@@ -19,6 +19,8 @@ from polhode.models.scenes import named_scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.contract import Status
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 
 @pytest.fixture(autouse=True, scope="module")
 def folder(tmp_path_factory):
