@@ -12,6 +12,9 @@ from sites import pages_of, site, small_reports
 
 from polhode.harness.cli import main
 
+# Seconds after which a command is stopped: far more than those of the tests take on a busy machine.
+COMMAND_LIMIT = 120
+
 
 @pytest.fixture(scope="session")
 def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
@@ -32,7 +35,7 @@ def polhode(tmp_path: Path, environment: dict[str, str]) -> Run:
             env=environment,
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=COMMAND_LIMIT,
             check=False,
         )
 

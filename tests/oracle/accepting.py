@@ -10,4 +10,5 @@ def accepting(problem: Problem) -> list[str]:
 
 
 def takes(name: str, problem: Problem) -> bool:
+    """Whether the solver of that name takes a problem."""
     return solver(name).takes(problem)

@@ -3,7 +3,8 @@
 from polhode.models.problems.catalogue import PROBLEMS
 from polhode.models.problems.classical import Classical
 
+# The one with an algebraic equation, which few solvers take.
 ROBERTSON_DAE = PROBLEMS["robertson-dae"]
-CLASSICAL = {name: each for name, each in PROBLEMS.items() if each is not ROBERTSON_DAE}
+CLASSICAL = {name: problem for name, problem in PROBLEMS.items() if problem is not ROBERTSON_DAE}
 
 __all__ = ["CLASSICAL", "ROBERTSON_DAE", "Classical"]

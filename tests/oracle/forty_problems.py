@@ -16,8 +16,12 @@ from polhode import Problem
 from polhode.models.problems.catalogue import PROBLEMS
 from polhode.models.problems.classical import Classical
 
-# Steps into which SciPy's run is divided at least.
+# Steps into which SciPy's run is divided at least: it then steps over no pulse, however short.
 _LEAST_STEPS = 4000
+# Relative tolerances of SciPy's methods, about as tight as they allow, and the absolute one.
+_STIFF_RTOL = 1e-11
+_RTOL = 1e-13
+_ATOL = 1e-15
 
 
 @dataclass(frozen=True)
@@ -30,12 +34,18 @@ class Known:
 
 
 def _by_scipy(f: Callable[..., Any], y0: list[float], end: float, stiff: bool) -> np.ndarray:
-    method, rtol = ("Radau", 1e-11) if stiff else ("DOP853", 1e-13)
-    options = {} if stiff else {"max_step": end / _LEAST_STEPS}
-    return solve_ivp(f, (0, end), y0, method, rtol=rtol, atol=1e-15, **options).y[:, -1]
+    """The state at the end, by SciPy."""
+    if stiff:
+        solution = solve_ivp(f, (0, end), y0, "Radau", rtol=_STIFF_RTOL, atol=_ATOL)
+    else:
+        step = end / _LEAST_STEPS
+        solution = solve_ivp(f, (0, end), y0, "DOP853", rtol=_RTOL, atol=_ATOL, max_step=step)
+    return solution.y[:, -1]
 
 
 def _pulse(centre: float, width: float, decay: float) -> Callable[..., Any]:
+    """Rates of y' = -decay y + exp(-((t - centre)/width)²)."""
+
     def pulse(t, y):
         return [-decay * y[0] + np.exp(-(((t - centre) / width) ** 2))]
 
@@ -43,10 +53,15 @@ def _pulse(centre: float, width: float, decay: float) -> Callable[..., Any]:
 
 
 def _pulse_end(centre: float, width: float, decay: float, start: float, end: float) -> np.ndarray:
+    """The exact state at the end of a run of `_pulse`: the integral of a Gaussian times an exponential."""
     shift = 0.5 * decay * width
     area = (erf((end - centre) / width - shift) + erf(centre / width + shift)) * np.sqrt(np.pi) / 2
     gain = width * area * np.exp(-decay * (end - centre) + shift**2)
     return np.array([start * np.exp(-decay * end) + gain])
+
+
+# The functions are as users write them. Coefficients are those of textbooks where a problem has a name, and
+# made up for the others.
 
 
 def growth(t, y):
@@ -115,6 +130,7 @@ def two_rates(t, y):
     return [-1e6 * y[0] + 1e6 * np.cos(t), y[0] - y[1]]
 
 
+# A random matrix whose eigenvalues lie within a distance of about 1 from -1.2: no solution grows.
 _SIZE = 50
 _MATRIX = np.random.default_rng(1).normal(size=(_SIZE, _SIZE)) / np.sqrt(_SIZE) - 1.2 * np.eye(
     _SIZE
@@ -131,7 +147,9 @@ def heat(t, y):
 
 
 def figure_eight(t, y):
-    bodies, rates = [y[2 * i : 2 * i + 2] for i in range(3)], []
+    # Places of three bodies of mass 1, then their velocities.
+    bodies = [y[2 * i : 2 * i + 2] for i in range(3)]
+    rates = []
     for i in range(3):
         force = 0.0
         for j in range(3):
@@ -159,6 +177,8 @@ def blow_up(t, y):
     return [y[0] ** 2]
 
 
+# Places and velocities of three bodies that chase each other along a figure of eight (Chenciner and
+# Montgomery, Ann. Math. 152 (2000)).
 _EIGHT = [0.97000436, -0.24308753, -0.97000436, 0.24308753, 0.0, 0.0]
 _EIGHT += [0.466203685, 0.43236573, 0.466203685, 0.43236573, -0.93240737, -0.86473146]
 
@@ -207,8 +227,8 @@ OWN = {
     "blow-up": _without(blow_up, [1.0], 2.0),
 }
 CLASSICAL = {
-    name: Known(one.problem, lambda one=one: np.array(one.reference), one)
-    for name, one in PROBLEMS.items()
-    if one.problem.parameters is not None
+    name: Known(classical.problem, lambda known=classical: np.array(known.reference), classical)
+    for name, classical in PROBLEMS.items()
+    if classical.problem.parameters is not None
 }
 FORTY = OWN | CLASSICAL

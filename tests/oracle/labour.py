@@ -23,6 +23,7 @@ class Job:
 
 
 def square(job: Job) -> int:
+    """Sleep as long as the job says; leave a mark with the own process id if it has a folder."""
     time.sleep(job.seconds)
     if job.folder is not None:
         with (job.folder / job.key).open("a") as file:
@@ -38,6 +39,7 @@ def home(job: Job) -> str | None:
 def hold(job: Job) -> None:
     """Leave a mark with the own process id, then sleep."""
     assert job.folder is not None
+    # Whoever waits for the mark finds it whole: it gets its name once it is written.
     mark = job.folder / "begun"
     mark.write_text(str(os.getpid()))
     mark.rename(job.folder / job.key)
@@ -53,7 +55,10 @@ def spin(job: Job) -> int:
 
 
 def meet(job: Job, seconds: float = 60.0) -> int:
-    """Wait until the other job of a pair has begun too."""
+    """Wait until the other job of a pair has begun too, at most so many seconds.
+
+    Pairs are 0 and 1, 2 and 3, and so on. A minute leaves room for a worker that starts on a busy machine.
+    """
     assert job.folder is not None
     (job.folder / job.key).touch()
     end = time.monotonic() + seconds
@@ -74,7 +79,7 @@ def die_once(job: Job) -> int:
 
 
 def die_always(job: Job) -> int:
-    """Kill the own process."""
+    """Kill the own process at each attempt at job 1."""
     if job.number == 1:
         os.kill(os.getpid(), signal.SIGKILL)
     return job.number**2

@@ -20,8 +20,9 @@ from polhode.solvers.taylor import propagate, taylor_integrator
 _PAPER = EulerStart((pi / 3, pi / 6, 0.0), (1.0, 1.0, -1.0))
 _SPINNING = EulerStart((1.1, 0.4, 0.2), (0.2, 0.3, -1.0))
 
-# None is stiff, which is asked of the classical problems, and no averaged one meets L² = 2EI₂,
-# where its field is continuous but not Lipschitz, so that no method keeps to its tolerance.
+# Shapes of all kinds, St from 0 to infinity, some tens of shear times: numbers are made up. None is stiff,
+# which is asked of the classical problems. No averaged one meets L² = 2EI₂: its field is continuous there,
+# but not Lipschitz, so that no method keeps to its tolerance.
 SCENES = {
     "triaxial": Scene(Ellipsoid((1.0, 0.8, 0.5)), 3e3, _PAPER, 80.0),
     "triaxial-damped": Scene(Ellipsoid((0.6, 1.0, 0.8)), 30.0, _SPINNING, 30.0),
@@ -33,9 +34,12 @@ SCENES = {
     "torque-free": Scene(Ellipsoid((1.0, 0.8, 0.5)), inf, _PAPER, 20.0),
     "no-inertia": Scene(Ellipsoid((1.0, 0.8, 0.5)), 0.0, EulerStart((1.1, 0.4, 0.2)), 40.0),
 }
-SAMPLES = 41
-# heyoka needs many seconds for its series at each tolerance; few steps take it to its end, so that
-# doubles will do.
+SAMPLES = 41  # Times at which a run is compared with its reference.
+# Tolerance of the references in long double, a few times its rounding error; and in double precision, of the
+# form for whose series heyoka needs many seconds at each tolerance. Few steps take that form to its end, so
+# that doubles will do.
+TOLERANCE = 1e-18
+DOUBLE_TOLERANCE = 1e-15
 SLOW_TO_COMPILE = "averaged-second-order"
 
 
@@ -65,9 +69,10 @@ class Run:
     def error(self, states: np.ndarray) -> float:
         """Largest error of L and E over I_max, and of the entries of the rotation matrix."""
         scene = SCENES[self.scene]
-        got, expected = form(self.form).observe(scene, states), _reference(self.scene, self.form)
-        slow = np.max(np.abs(got.slow - expected.slow)) / max(scene.ellipsoid.inertia)
-        turned = np.abs(got.rotation - expected.rotation)
+        observed = form(self.form).observe(scene, states)
+        expected = _reference(self.scene, self.form)
+        slow = np.max(np.abs(observed.slow - expected.slow)) / max(scene.ellipsoid.inertia)
+        turned = np.abs(observed.rotation - expected.rotation)
         known = ~np.isnan(expected.rotation)
         return float(max(slow, np.max(turned[known], initial=0.0)))
 
@@ -103,19 +108,22 @@ def _problem_or_none(scene: str, name: str) -> Problem | None:
 
 @cache
 def _states(scene: str, name: str) -> np.ndarray:
+    """States of the reference of a scene in a form, shape (samples, dimension), as doubles."""
     problem = _problem(scene, name)
     times = np.linspace(0.0, problem.end, SAMPLES)
     if name == SLOW_TO_COMPILE:
-        solution = solve(problem, "cyrk-vern8", 1e-15, times)
+        solution = solve(problem, "cyrk-vern8", DOUBLE_TOLERANCE, times)
         assert solution.success, solution.message
         return solution.states
     parameters = parameter_array(problem)
     integrator = taylor_integrator(
-        problem.field, problem.dimension, len(parameters), 1e-18, "long double"
+        problem.field, problem.dimension, len(parameters), TOLERANCE, "long double"
     )
     rows = np.empty((len(times), problem.dimension), np.longdouble)
     rows[0] = problem.start
-    integrator.time, integrator.state[:], integrator.pars[:] = np.longdouble(0), rows[0], parameters
+    integrator.time = np.longdouble(0)
+    integrator.state[:] = rows[0]
+    integrator.pars[:] = parameters
     status, message = propagate(integrator, Record(times, rows))
     assert status.success, message
     return rows.astype(float)
@@ -128,6 +136,7 @@ def _reference(scene: str, name: str) -> Observables:
 
 @cache
 def _rotations(scene: str) -> float:
+    """Rotations of a scene in its full form, one at least; the body's angular velocity follows the quaternion."""
     if SCENES[scene].stokes == 0:
         return SCENES[scene].time / (4 * pi)
     speed = np.linalg.norm(_states(scene, "quaternion")[:, 4:], axis=1)

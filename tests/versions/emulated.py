@@ -12,7 +12,17 @@ from pathlib import Path
 from zipfile import ZipFile
 
 from versions.platforms import on_platform
-from versions.tools import BUILD, ROOT, SETUP_LIMIT, SMOKE, Found, answers_of, ran
+from versions.tools import (
+    BUILD,
+    ROOT,
+    SAID_LETTERS,
+    SETUP_LIMIT,
+    SMOKE,
+    VERSION_LIMIT,
+    Found,
+    answers_of,
+    ran,
+)
 
 QEMU = "qemu-aarch64-static"
 COMMANDS = (QEMU, "debootstrap", "dpkg")
@@ -24,9 +34,11 @@ SUITE = "bookworm"
 PYTHON = "3.11"
 TAGS = ("manylinux_2_28_aarch64", "manylinux_2_27_aarch64", "manylinux_2_17_aarch64")
 FOLDER = BUILD / "aarch64"
+# Seconds in which CyRK is compiled, and in which all steps are taken under emulation: both take minutes.
 SECONDS = 3600.0
-# Largest difference from this machine's numbers, over the largest of them. Compilers round in other
-# orders, so that runs of tolerance 1e-8 take other steps.
+# Largest difference from this machine's numbers that is allowed, over the largest of them, by the kind of
+# step. Compilers round in other orders, so that runs of tolerance 1e-8 take other steps: estimates. What is
+# counted has to be equal.
 APART = {"form": 1e-6, "solver": 1e-4, "solve": 1e-6, "pick": 0.0, "solve_ivp": 1e-6}
 APART["WorkPrecision"] = 0.0
 
@@ -95,7 +107,7 @@ def add_cyrk(version: str, system: Path, packages: Path) -> str:
     for wheel in there.glob("*.whl"):
         with ZipFile(wheel) as archive:
             archive.extractall(packages)
-    compiler = ran(COMPILER, "-dumpfullversion", seconds=60.0).strip()
+    compiler = ran(COMPILER, "-dumpfullversion", seconds=VERSION_LIMIT).strip()
     return f"{version}, compiled by {COMPILER} {compiler}"
 
 
@@ -112,7 +124,7 @@ def smoke(python: list[str | Path], surroundings: dict[str, str]) -> dict[str, d
     )
     answers = answers_of(done.stdout)
     if not answers:
-        raise RuntimeError(done.stderr[-2000:])
+        raise RuntimeError(done.stderr[-SAID_LETTERS:])
     return answers
 
 

@@ -32,6 +32,7 @@ PLAIN = ("solve", "pick", "solve_ivp", "WorkPrecision")
 # What a line names where a step of `site` is refused: its figures are an extra of their own.
 NAMED = {"plot": "figures", "draw": "figures", "report": "site", "dask": "dask"}
 NAMED |= {"to_xarray": "data", "to_parquet": "data"}
+# Seconds after which the steps taken in an environment are stopped: far more than they take.
 SECONDS = 600.0
 
 

@@ -21,8 +21,9 @@ from versions.tools import (
 
 # How uv resolves each end.
 ENDS = {"oldest": "lowest-direct", "newest": "highest"}
-# Seconds in which the tests run.
+# Seconds in which the tests run, and in which the steps of `smoke.py` are taken: many times what they take.
 TEST_LIMIT = 7200.0
+STEPS_LIMIT = 1800.0
 MISSING = "no such Python here"
 # What the tests need beside polhode.
 TOOLS = (
@@ -73,14 +74,19 @@ def tested(there: Path, end: str, selection: list[str]) -> str:
             timeout=TEST_LIMIT,
             check=False,
         )
-    found = re.findall(r"^.*\d+ (?:passed|failed|error).*$", log.read_text("utf-8"), re.MULTILINE)
-    return found[-1].strip("= ") if found else f"exit code {done.returncode}"
+    counts = re.findall(r"^.*\d+ (?:passed|failed|error).*$", log.read_text("utf-8"), re.MULTILINE)
+    return counts[-1].strip("= ") if counts else f"exit code {done.returncode}"
 
 
 def smoked(there: Path) -> tuple[str, str]:
     """How many steps of `smoke.py` answer, and what is wrong with others."""
     done = subprocess.run(
-        [str(there), SMOKE], cwd=BUILD, capture_output=True, text=True, timeout=1800.0, check=False
+        [str(there), SMOKE],
+        cwd=BUILD,
+        capture_output=True,
+        text=True,
+        timeout=STEPS_LIMIT,
+        check=False,
     )
     answers = answers_of(done.stdout)
     wrong = [f"{step}: {answer['fault']}" for step, answer in answers.items() if "fault" in answer]

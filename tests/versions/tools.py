@@ -10,15 +10,20 @@ ROOT = Path(__file__).parents[2]
 HERE = Path(__file__).parent
 # Environments, roots and logs; git ignores them.
 BUILD = ROOT / "build" / "versions"
+# The program that takes polhode's steps on a machine.
 SMOKE = HERE / "smoke.py"
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 # Libraries whose versions the tables show.
 SHOWN = ("numpy", "scipy", "pandas", "llvmlite", "cyrk", "heyoka", "scikit-sundae")
-# Seconds in which an environment is made.
+# Seconds in which an environment is made, and in which a command answers that only tells its version.
 SETUP_LIMIT = 900.0
+VERSION_LIMIT = 60.0
 RESULTS = HERE / "results.json"
+# Letters of what a failed command said that its error repeats: the last ones name the reason.
+SAID_LETTERS = 2000
 
 Found = dict[str, str]
+"""What a job found, in words, by the name of a column of the page; "why" says what is wrong."""
 
 
 def interpreter(version: str) -> str | None:
@@ -45,7 +50,7 @@ def ran(*words: str | Path, seconds: float, environment: dict[str, str] | None =
         check=False,
     )
     if done.returncode:
-        raise RuntimeError((done.stdout + done.stderr)[-2000:])
+        raise RuntimeError((done.stdout + done.stderr)[-SAID_LETTERS:])
     return done.stdout
 
 
@@ -62,7 +67,7 @@ def bare_environment(python: str, folder: Path) -> Path:
 
 
 def versions_in(there: Path) -> Found:
-    """Packages of an environment by their names in small letters."""
+    """Versions of the packages of an environment, by their names in small letters; `there` is its interpreter."""
     packages = json.loads(uv("pip", "list", "--format", "json", "--python", there))
     return {package["name"].lower(): package["version"] for package in packages}
 
@@ -70,7 +75,7 @@ def versions_in(there: Path) -> Found:
 def full_version(there: Path | str) -> str:
     """Version of a Python, such as 3.12.1."""
     words = "import platform; print(platform.python_version())"
-    return ran(there, "-c", words, seconds=60.0).strip()
+    return ran(there, "-c", words, seconds=VERSION_LIMIT).strip()
 
 
 def answers_of(output: str) -> dict[str, dict]:
