@@ -22,6 +22,8 @@ from polhode.models.flow import Flow, jeffery_spin
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 START = EulerStart((1.0, 0.5, 0.2), (1.0, 1.0, -1.0))
 PLANAR = Scene(Ellipsoid((1.0, 0.8, 0.5)), 20.0, START, 60.0, Flow.planar(0.3))
 TABLE = scene_table(PLANAR)

@@ -20,6 +20,8 @@ from polhode.models.problem import Problem
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
 from polhode.solvers.solve import Interrupted, solve
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 
 def decay(ops):
     return lambda y, p: (-p[0] * y[0],)

@@ -16,6 +16,8 @@ from polhode.harness.references.errors import errors
 from polhode.models.scene import SlowStart
 from polhode.models.scenes import find_scene, named_scene
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 TIGHT = {"form": "quaternion", "solver": "cyrk-vern8", "tolerance": 1e-15, "estimate": False}
 HERE = Path(__file__).parent
 

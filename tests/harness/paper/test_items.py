@@ -11,6 +11,8 @@ from polhode.harness.paper.item import Grid, Word
 from polhode.harness.paper.sections.spheroids import outside
 from polhode.harness.paper.store import read, write
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 # Sections of prolate bodies, one with a layer of chaos and one without, run the code of those of
 # oblate ones.
 SLOW = ("poincare-flat", "poincare-fat-oblate")

@@ -18,6 +18,8 @@ from polhode.solvers.compile import compiled_callback
 from polhode.solvers.contract import SolverNotValidError
 from polhode.solvers.solve import solve
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 ANY_FLOW = [name for name in FORMS if form(name).any_flow and name != "euler-top"]
 SHEAR_ALONE = [name for name in FORMS if not form(name).any_flow]
 EXPLICIT = ("cyrk-vern8", 1e-13)

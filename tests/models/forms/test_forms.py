@@ -17,6 +17,8 @@ from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.solve import solve
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 START = EulerStart((pi / 3, pi / 6, 0.3), (1.0, 1.0, -1.0))
 STOKES = pytest.mark.parametrize("stokes", [0.1, 1.0, 1e2, 1e4, inf])
 TRIAXIAL = (1.0, 0.8, 0.5)

@@ -13,6 +13,8 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.contract import SolverNotValidError
 from polhode.solvers.solve import solve
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 START = EulerStart((1.0, 0.5, 0.2), (1.0, 1.0, -1.0))
 ALONG_TRACKS = [name for name in FORMS if form(name).any_flow and name != "euler-top"]
 STEADY = np.array([[0.0, 1.0, 0.0], [0.2, 0.0, 0.0], [0.0, 0.0, 0.0]])
