@@ -13,7 +13,7 @@ docs/second-order.md derives second order; docs/references.md names the theory o
 
 from dataclasses import replace
 from math import pi, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -50,15 +50,24 @@ class NotKnownError(ValueError):
     """Nothing tells the error of averaging for a scene; the message says why."""
 
 
-def compared(runner: Runner, run: Run) -> tuple[str, str, Difference, str]:
-    """Kind of confirmation, family of methods, difference and note of a run that averages.
+class Confirmation(NamedTuple):
+    """What confirms a run that averages."""
+
+    kind: str  # "estimate" or "unlike"
+    family: str  # of methods, as `fitted.factors` has them
+    difference: Difference
+    note: str  # what it rests on
+
+
+def compared(runner: Runner, run: Run) -> Confirmation:
+    """The confirmation of a run that averages; raises NotKnownError if there is none.
 
     Confirmations are tried in this order: segments by what they estimate; a short run by a full one;
     second order by its own estimate; first order by a surrogate. The last two add what a second averaged
     run differs by, which is the error of the solver alone.
     """
     if run.solution.segments:
-        return "estimate", hybrid_family(runner.scene), *_of_segments(runner, run)
+        return Confirmation("estimate", hybrid_family(runner.scene), *_of_segments(runner, run))
     form = run.method.form
     turns = rotations(runner.scene)
     ellipsoid = runner.scene.ellipsoid
@@ -66,7 +75,7 @@ def compared(runner: Runner, run: Run) -> tuple[str, str, Difference, str]:
         second = runner.run(full_method(runner.scene), SHARP, MAX_STEPS)
         if second.success:
             apart = difference(ellipsoid, run.observables, second.observables)
-            return "unlike", "averaged", apart, f"unlike: {second.words}"
+            return Confirmation("unlike", "averaged", apart, f"unlike: {second.words}")
     usual = run.method
     if not usual.solver.implicit:
         usual = Method(form, first_available(EXPLICIT))
@@ -75,10 +84,10 @@ def compared(runner: Runner, run: Run) -> tuple[str, str, Difference, str]:
     if hasattr(form, "estimate"):
         said: Any = form.estimate(runner.scene)  # pyright: ignore[reportAttributeAccessIssue]
         apart = _raised(numerical_error, said.slow, said.orientation)
-        return "estimate", "second order", apart, "estimate of second order"
+        return Confirmation("estimate", "second order", apart, "estimate of second order")
     model, stokes = _surrogate_difference(runner, exact, turns)
     apart = Difference(numerical_error.slow + model, None)
-    return "estimate", "first order", apart, f"estimate from St = {stokes:.2g}"
+    return Confirmation("estimate", "first order", apart, f"estimate from St = {stokes:.2g}")
 
 
 def _of_segments(runner: Runner, run: Run) -> tuple[Difference, str]:

@@ -84,6 +84,38 @@ _FIT_MARGIN = 1.3
 # ratio of the upper end to the true error, which is set, not measured.
 MOST_MISSED = 0.025
 LARGEST_FACTOR = 15.0
+# How scenes are drawn: choices, so that every kind of confirmation occurs over many decades; none of them is
+# measured. "Decades" are the least and the largest log₁₀ of a number. Times are in inverse shear rates, slow
+# times are T/St.
+# Decades of the two shorter semi-axes, over the longest one.
+_AXES = (-1.0, -0.02)
+# Share of the spheroids among ordinary and stiff scenes, and among slow ones.
+_SPHEROID_SHARE = 0.4
+_SLOW_SPHEROID_SHARE = 0.3
+# Share of the starts whose angular velocity is not the usual one, and decades of its size over it.
+_OTHER_SPEED_SHARE = 0.4
+_OTHER_SPEEDS = (-1.0, 1.0)
+# Ordinary scenes: decades of St; of the slow time from an St of `_SLOW_TIME_FROM` on; of the time below.
+_ORDINARY_STOKES = (-1.0, 5.0)
+_ORDINARY_SLOW_TIMES = (-1.5, 0.3)
+_SLOW_TIME_FROM = 20.0
+_ORDINARY_TIMES = (0.5, 2.0)
+# Stiff scenes: decades of St, and of the duration in damping times. These are more than `rotations.STIFF`.
+_STIFF_STOKES = (-4.0, -1.0)
+_STIFF_DAMPING_TIMES = (4.4, 5.3)
+# Spheroids for splitting: decades of St, and of the slow time and the time, of which the shorter one counts.
+_SPLIT_STOKES = (1.5, 6.0)
+_SPLIT_SLOW_TIMES = (-2.0, 0.3)
+_SPLIT_TIMES = (2.0, 4.5)
+# Scenes of many rotations: decades of St, and the largest slow time.
+_TURNING_STOKES = (3.0, 6.0)
+_TURNING_SLOW_TIME = 2.0
+# Decades of the St that fast scenes have instead.
+_FAST_STOKES = (4.0, 8.0)
+# Decades of the time of closed forms.
+_EXACT_TIMES = (0.5, 4.0)
+# Place of the upper end in the cells of rows that have the ends of an interval: low, predicted, high.
+_HIGH = 2
 # Errors below this many uncertainties of a reference say nothing of a ratio: the uncertainty may change it by more
 # than a tenth.
 _CLEAR = 10.0
@@ -282,6 +314,7 @@ def _reference(scene: Scene) -> tuple[Observables, dict[str, float]]:
     problem = form.problem(scene)
     times = np.linspace(0.0, problem.end, COMPARED_TIMES)
     deadline = perf_counter() + _REFERENCE_SECONDS
+    # The tighter run first.
     solutions = []
     for tolerance in _REFERENCE_TOLERANCES:
         states = extended_run(problem, times, "long double", tolerance, deadline)
@@ -298,7 +331,7 @@ def _reference(scene: Scene) -> tuple[Observables, dict[str, float]]:
 
 def _axes(random: np.random.Generator, spheroid: bool) -> tuple[float, float, float]:
     """Semi-axes along the body axes, in random order: the longest is 1, the others are 0.1 to 0.955."""
-    middle, short = sorted(10 ** random.uniform(-1.0, -0.02, 2), reverse=True)
+    middle, short = sorted(10 ** random.uniform(*_AXES, 2), reverse=True)
     if not spheroid:
         axes = (1.0, middle, short)
     elif random.random() < 0.5:
@@ -315,7 +348,9 @@ def _start(random: np.random.Generator) -> BodyStart:
     In two of five starts it is 0.1 to 10 times as large.
     """
     angles = (acos(random.uniform(-1, 1)), random.uniform(0, 2 * pi), random.uniform(0, 2 * pi))
-    size = 10 ** random.uniform(-1.0, 1.0) if random.random() < 0.4 else 1.0
+    size = 1.0
+    if random.random() < _OTHER_SPEED_SHARE:
+        size = 10 ** random.uniform(*_OTHER_SPEEDS)
     x, y, z = (size * random.normal(size=3)).tolist()
     return BodyStart(EulerStart(angles).quaternion, (x, y, z))
 
@@ -325,26 +360,29 @@ def _ordinary(random: np.random.Generator) -> Scene:
 
     From St = 20 on the slow time T/St is 0.03 to 2; below, the time is 3 to 100 of the shear.
     """
-    stokes = float(10 ** random.uniform(-1.0, 5.0))
-    time = stokes * 10 ** random.uniform(-1.5, 0.3) if stokes > 20 else 10 ** random.uniform(0.5, 2)
-    return Scene(
-        Ellipsoid(_axes(random, random.random() < 0.4)), stokes, _start(random), float(time)
-    )
+    stokes = float(10 ** random.uniform(*_ORDINARY_STOKES))
+    if stokes > _SLOW_TIME_FROM:
+        time = stokes * 10 ** random.uniform(*_ORDINARY_SLOW_TIMES)
+    else:
+        time = 10 ** random.uniform(*_ORDINARY_TIMES)
+    ellipsoid = Ellipsoid(_axes(random, random.random() < _SPHEROID_SHARE))
+    return Scene(ellipsoid, stokes, _start(random), float(time))
 
 
 def _stiff(random: np.random.Generator) -> Scene:
     """Damping so fast that stability holds explicit methods back: 25,000 to 200,000 damping times."""
-    ellipsoid = Ellipsoid(_axes(random, random.random() < 0.4))
+    ellipsoid = Ellipsoid(_axes(random, random.random() < _SPHEROID_SHARE))
     start = _start(random)
-    stokes = float(10 ** random.uniform(-4.0, -1.0))
-    damping_times = 10 ** random.uniform(4.4, 5.3)
+    stokes = float(10 ** random.uniform(*_STIFF_STOKES))
+    damping_times = 10 ** random.uniform(*_STIFF_DAMPING_TIMES)
     return Scene(ellipsoid, stokes, start, float(damping_times * stokes / max(ellipsoid.damping)))
 
 
 def _spheroids(random: np.random.Generator) -> Scene:
     """Spheroids at large St, up to thousands of rotations."""
-    stokes = float(10 ** random.uniform(1.5, 6.0))
-    time = min(stokes * 10 ** random.uniform(-2.0, 0.3), 10 ** random.uniform(2.0, 4.5))
+    stokes = float(10 ** random.uniform(*_SPLIT_STOKES))
+    time_by_stokes = stokes * 10 ** random.uniform(*_SPLIT_SLOW_TIMES)
+    time = min(time_by_stokes, 10 ** random.uniform(*_SPLIT_TIMES))
     return Scene(Ellipsoid(_axes(random, True)), stokes, _start(random), float(time))
 
 
@@ -352,9 +390,9 @@ def _turning(random: np.random.Generator, spheroid: bool) -> Scene:
     """Large St and thousands of rotations, where averaging applies; a slow time of at most 2."""
     ellipsoid = Ellipsoid(_axes(random, spheroid))
     start = _start(random)
-    stokes = float(10 ** random.uniform(3.0, 6.0))
+    stokes = float(10 ** random.uniform(*_TURNING_STOKES))
     turns = 10 ** random.uniform(*np.log10([_LEAST_AVERAGED_TURNS, _MAX_TURNS]))
-    whole = Scene(ellipsoid, stokes, start, 2 * stokes)
+    whole = Scene(ellipsoid, stokes, start, _TURNING_SLOW_TIME * stokes)
     return replace(whole, time=min(whole.time, whole.time * turns / rotations(whole)))
 
 
@@ -365,7 +403,7 @@ def _fast(random: np.random.Generator) -> Scene:
     averaging add up over it.
     """
     scene = _turning(random, random.random() < 0.5)
-    return replace(scene, stokes=float(10 ** random.uniform(4.0, 8.0)))
+    return replace(scene, stokes=float(10 ** random.uniform(*_FAST_STOKES)))
 
 
 def _exact(random: np.random.Generator) -> Scene:
@@ -373,7 +411,7 @@ def _exact(random: np.random.Generator) -> Scene:
     spheroid = random.random() < 0.5
     ellipsoid = Ellipsoid(_axes(random, spheroid))
     start = _start(random)
-    time = float(10 ** random.uniform(0.5, 4.0))
+    time = float(10 ** random.uniform(*_EXACT_TIMES))
     return Scene(ellipsoid, 0.0 if spheroid else inf, start, time)
 
 
@@ -384,7 +422,7 @@ def _many_turns(random: np.random.Generator) -> Scene:
 
 def _slow(random: np.random.Generator) -> Scene:
     """Any shape, thousands of rotations."""
-    return _turning(random, random.random() < 0.3)
+    return _turning(random, random.random() < _SLOW_SPHEROID_SHARE)
 
 
 _SCENES: dict[str, Callable[[np.random.Generator], Scene]] = {
@@ -437,7 +475,7 @@ def counted(rows: Sequence[Record]) -> list[Count]:
     for (kind, family, want), statements in sorted(groups.items()):
         true = np.array([row[want] for row in statements])
         doubt = np.array([row[f"{want}_uncertainty"] for row in statements])
-        high = np.array([row[f"{want}_stated"][2] for row in statements])
+        high = np.array([row[f"{want}_stated"][_HIGH] for row in statements])
         missed = int(np.sum(true > high + doubt))
         clear = true > _CLEAR * doubt
         factor = float(np.median(high[clear] / true[clear])) if clear.any() else np.nan
@@ -476,7 +514,8 @@ def answered(rows: Sequence[Record]) -> list[Answers]:
         alarms = [
             row
             for row in met
-            if not row[f"{row['want']}_stated"] or row[f"{row['want']}_stated"][2] > row["error"]
+            if not row[f"{row['want']}_stated"]
+            or row[f"{row['want']}_stated"][_HIGH] > row["error"]
         ]
         bound = wilson(len(members) - len(met), len(members))[1]
         answers.append(Answers(group, len(members), len(met), bound, len(alarms), len(silent)))
@@ -542,7 +581,7 @@ def _fitted_factors(rows: Sequence[Record]) -> dict[str, dict[str, dict[str, lis
         for want in WANTS:
             if not (row.get("kind") and row.get(f"{want}_stated")):
                 continue
-            high = row[f"{want}_stated"][2]
+            high = row[f"{want}_stated"][_HIGH]
             apart = row[f"{want}_apart"]
             if want == "orientation" and high >= pi:
                 continue

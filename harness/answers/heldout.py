@@ -78,6 +78,10 @@ TIMED_ONCE_FROM = 0.5
 _SCHEMA = 3
 
 
+# Form, solver and tolerance, which name a run of a scene.
+RunName = tuple[str, str, float]
+
+
 @dataclass(frozen=True)
 class Evaluation:
     """Result of the held-out test."""
@@ -228,14 +232,14 @@ class Track:
         ellipsoid = self.question.scene.ellipsoid
         return difference(ellipsoid, a, b).largest.get(self.question.want, inf)
 
-    def in_turns(self, names: list[tuple[str, str, float]]) -> dict[tuple[str, str, float], Record]:
+    def in_turns(self, names: list[RunName]) -> dict[RunName, Record]:
         """The runs of these names, the quickest of several in turns, and by how much these differ.
 
         `seconds_spread` is the longest time minus the shortest; NaN of a run that is timed once.
         """
         runs = {name: self.run(*name) | {"seconds_spread": nan} for name in names}
         long = [name for name in names if runs[name]["seconds"] >= TIMED_ONCE_FROM]
-        seconds: dict[tuple[str, str, float], list[float]] = {name: [] for name in names}
+        seconds: dict[RunName, list[float]] = {name: [] for name in names}
         for number in range(FINALIST_REPEATS):
             # A form may have cached results of the scene itself: each round has a scene of its own.
             scene = unseen(self.question.scene, number + 1)
@@ -280,7 +284,7 @@ def _measure(track: Track) -> Iterator[Record]:
                 break
 
 
-def _by_rules(question: Question) -> tuple[str, str, float]:
+def _by_rules(question: Question) -> RunName:
     """The run that rules alone would choose, without a race."""
     method = methods_for(question.scene, question.error, question.want)[0]
     tolerance = first_tolerance(question.scene, method, question.error, question.want)

@@ -72,6 +72,7 @@ def forget() -> None:
     _measured.cache_clear()
 
 
+# The limit bounds memory alone: it is more than the pairs of a form and a solver.
 @lru_cache(maxsize=500)
 def _measured(method: Method, tolerance: float) -> Pace:
     """The pace of a method at a tolerance, from three runs of a fixed scene."""

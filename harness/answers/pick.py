@@ -46,6 +46,7 @@ def pick(
     return _remembered(scene, float(error), want, samples, everything, tuple(names))
 
 
+# The limit bounds memory alone.
 @lru_cache(maxsize=1000)
 def _remembered(
     scene: Scene,

@@ -117,6 +117,23 @@ class Refusal(NamedTuple):
     least: float = inf
 
 
+class _Followed(NamedTuple):
+    """A run on a segment that meets the budget."""
+
+    tolerance: float
+    error: float  # on the segment
+    steps: int
+
+
+class _Accepted(NamedTuple):
+    """A run of the scene itself, of a method that averages, that meets the error."""
+
+    tolerance: float
+    error: Interval
+    seconds: float
+    note: str  # how the error is known
+
+
 class Result(NamedTuple):
     """Methods that meet an error, the quickest one first, those that do not, and what was raced on."""
 
@@ -345,7 +362,7 @@ class Heat:
         seen, of which a refusal tells.
         """
         cost = pace(method, PACED_TOLERANCE)
-        met: tuple[float, float, int] | None = None  # Tolerance, error and steps.
+        met: _Followed | None = None
         least = inf
         why = ""
         tolerance = rounded(
@@ -366,8 +383,8 @@ class Heat:
             error = segment.error(run)
             budget = segment.budget - segment.apart
             least = min(least, error + segment.apart)
-            if error <= budget and (met is None or tolerance > met[0]):
-                met = tolerance, error, steps_in(run.solution)
+            if error <= budget and (met is None or tolerance > met.tolerance):
+                met = _Followed(tolerance, error, steps_in(run.solution))
             if error <= budget and (error >= _LEAST_SHARE * budget or tolerance >= LOOSEST):
                 break
             if met and error > budget:
@@ -384,12 +401,11 @@ class Heat:
             why = why or f"a run at {short(tolerance)} errs by {scientific(least * growth)}"
             self._refuse(method, why, growth * least / KNOWN_SHARE)
             return
-        self._enter_followed(method, segment, *met)
+        self._enter_followed(method, segment, met)
 
-    def _enter_followed(
-        self, method: Method, segment: Segment, tolerance: float, error: float, steps: int
-    ) -> None:
+    def _enter_followed(self, method: Method, segment: Segment, followed: _Followed) -> None:
         """Enter a method by its run on a segment: what the scene's own run is forecast to err and to take."""
+        tolerance, error, steps = followed
         raced = segment.raced
         growth = raced.growth(self.want)
         spread = raced.spread
@@ -471,7 +487,7 @@ class Heat:
             self._refuse(method, "runs nearly all of the scene by the full equations")
             return
         follows = method.solver.many_periods or method.form.name == "hybrid"
-        good: tuple[float, Interval, float, str] | None = None
+        accepted: _Accepted | None = None
         why = ""
         least = inf
         for _ in range(_MAX_RUNS):
@@ -485,7 +501,7 @@ class Heat:
                 why = note
                 break
             if error.high <= self.error:
-                good = tolerance, error, seconds, note
+                accepted = _Accepted(tolerance, error, seconds, note)
             else:
                 self.doubted[method] = self.doubted.get(method, tolerance)
                 why = f"errs by up to {scientific(error.high)}: {note}"
@@ -499,9 +515,9 @@ class Heat:
             if close or hopeless or not follows or planned == tolerance:
                 break
             tolerance = planned
-        if good:
+        if accepted:
             self.doubted.pop(method, None)
-            self._enter(method, *good, self.raced.of_the_whole())
+            self._enter(method, *accepted, self.raced.of_the_whole())
         else:
             self._refuse(method, why, least)
 

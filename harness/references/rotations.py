@@ -77,6 +77,7 @@ def following_time(scene: Scene) -> float:
     return scene.time if scene.stokes == 0 else scene.time * damped / (scene.time + damped)
 
 
+# The limit bounds memory alone.
 @lru_cache(maxsize=1000)
 def is_stiff(scene: Scene, turns: float | None = None) -> bool:
     """Whether stability sets an explicit method's steps over many damping times, and rotations if they are known."""
