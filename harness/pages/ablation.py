@@ -1,4 +1,7 @@
-"""The page on what each part of `pick`'s race buys (`polhode.harness.answers.ablation`)."""
+"""The page on what each part of `pick`'s race buys (`polhode.harness.answers.ablation`).
+
+The race picks a method for each scene with one of its parts left out, and with all of them.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +18,10 @@ from polhode.harness.pages.tables import fill
 
 
 def write_page(folder: Path, rows: Sequence[Record], command: str) -> Path:
-    """Write `ablation.md` and `ablation.csv` into a folder and return the page's path."""
+    """Write `ablation.md` and `ablation.csv` into a folder and return the page's path.
+
+    `rows` are those of `polhode.harness.answers.ablation`: a row for each scene and part left out.
+    """
     table: Any = pd.DataFrame(rows)
     text = table.to_csv(index=False, float_format="%.4g")
     write_file(folder / "ablation.csv", text, summed=True)

@@ -228,9 +228,10 @@ def write_page(throughput: Throughput, folder: Path) -> Path:
     spread = "The spread was not kept."
     if has_spread:
         spread = "Bars reach down to what three turns in four reach."
+    *looser, tightest = map(short, settings["targets"])
     note = (
         f"St = {settings['stokes']:g}, t₂ = {settings['slow_time']:g}, isotropic starts; each tolerance "
-        "is the loosest that keeps all particles within 1e-4, 1e-6 and 1e-8. Processor time, the "
+        f"is the loosest that keeps all particles within {', '.join(looser)} and {tightest}. Processor time, the "
         f"least of {settings['rounds']} runs in turns; {measured(_made(throughput))}. {spread}"
     )
     save(speeds(throughput["full"], note), folder, "throughput")

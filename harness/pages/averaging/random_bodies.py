@@ -290,8 +290,8 @@ def _slower(data: Data, runs: Frame) -> dict[str, list[tuple[str, float, float]]
     for order in (ORDER_ONE, ORDER_TWO):
         slower[order] = []
         for kind in kinds_in(runs):
-            found = gains(data, runs, kind, order)
-            for target, (ratio, source) in zip(ERRORS_MET, found, strict=True):
+            ratios = gains(data, runs, kind, order)
+            for target, (ratio, source) in zip(ERRORS_MET, ratios, strict=True):
                 if ratio < 1 and source != "extrapolated":
                     slower[order].append((kind, target, ratio))
     return slower

@@ -178,8 +178,8 @@ def _body(axes: Axes, semi_axes: Sequence[float]) -> None:
         # hidden.
         unit = np.zeros((3, len(turn)))
         unit[[first, second]] = circle
-        seen = (_VIEW / lengths @ unit)[2] >= 0
-        line = np.where(seen, ends @ unit, np.nan)
+        visible = (_VIEW / lengths @ unit)[2] >= 0
+        line = np.where(visible, ends @ unit, np.nan)
         sketch.plot(line[0], line[1], color=SOFT, linewidth=0.7)
     tail = ends[:2, 2]
     tip = tail + _ARROW * _VIEW[:2, 2] / np.linalg.norm(_VIEW[:2, 2])

@@ -360,7 +360,8 @@ def _heights_of(axes: Axes, names: Sequence[_LineName]) -> np.ndarray:
     # `middles` may not fall from one name to the next: isotonic regression finds the nearest such values.
     rooms = np.array([_NAME_SPACING * (1 + name.text.count("\n")) for name in names])
     middles = np.cumsum(rooms) - rooms / 2
-    # Names may rise above the panel by a line and a half. Below it stand the numbers of its axis.
+    # Names may rise above the panel by a line and a half. Below it stand the
+    # numbers of its axis.
     highest = box.y1 / point + 1.5 * _NAME_SPACING - rooms.sum()
     lowest = min(box.y0 / point, highest)
     shifts = isotonic_regression([name.height for name in names] - middles).x
@@ -443,6 +444,7 @@ def panels(
     # Inches of a decade, the same in all panels and along both axes.
     decade = min(min(width / ends.error_decades for ends in limits), _MOST_DECADE)
     heights = [max(_LEAST_HEIGHT, decade * ends.time_decades) for ends in limits]
+    # The height follows below, once all that stands above and beside the panels is known.
     drawing = plt.figure(figsize=(WIDTH, 1.0))
     grid = [drawing.add_subplot() for _ in groups]
     for axes, (title, runs), ends, height in zip(grid, groups, limits, heights, strict=True):
