@@ -15,6 +15,8 @@ from polhode.models.problem import Problem
 from polhode.models.scenes import named_scene
 from polhode.solvers.solve import solve as run
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 RNG = np.random.default_rng(5)
 
 

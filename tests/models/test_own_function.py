@@ -16,6 +16,8 @@ from polhode.solvers.compile import compiled_callback
 from polhode.solvers.machine_code.tracing import FieldError
 from polhode.solvers.solve import solve
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 NOTHING = None  # A global that is no function stays what it is.
 
 

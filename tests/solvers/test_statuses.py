@@ -29,6 +29,8 @@ from polhode.solvers.solve import solve
 from polhode.solvers.sundials.methods import CvodeBdf, Ida
 from polhode.solvers.taylor import taylor_integrator
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 
 class CvodeCallback(CvodeBdf):
     """Where SUNDIALS' C libraries are not found."""

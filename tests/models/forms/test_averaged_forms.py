@@ -22,6 +22,8 @@ from polhode.solvers.contract import Record, Status
 from polhode.solvers.solve import solve
 from polhode.solvers.taylor import propagate, taylor_integrator
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 TRIAXIAL = (1.0, 0.8, 0.5)
 lengths = st.floats(0.2, 1.0)
 components = st.floats(-1.0, 1.0)

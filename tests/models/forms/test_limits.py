@@ -16,6 +16,8 @@ from polhode.models.shape import Ellipsoid
 from polhode.models.theory.tumbling_period import tumbling_period
 from polhode.solvers.taylor import taylor_integrator
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 SHAPES = [
     (1, 1, 2),
     (1, 2, 1),

@@ -37,8 +37,6 @@ from polhode.models.second_order.run import entered
 from polhode.models.second_order.torus import Torus
 from polhode.models.shape import Ellipsoid
 
-pytestmark = pytest.mark.usefixtures("quickly_compiled")
-
 NAME = "averaged-second-order"
 PAPER = Ellipsoid((1.0, 0.8, 0.5))
 POSE = (0.8, 0.3, -0.4, 0.2)
