@@ -57,6 +57,9 @@ from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import SolverNotValidError, Status
 from polhode.solvers.solve import Interrupted, Solution
 
+# The factors of statements are fitted with the numbers below as they are: if one of them changes, the fit must be
+# made anew (`polhode validate --errors N --fit`).
+
 # Ratio of the tolerances of a looser second run and the run: 0.65 of its steps at order 8. Splitting,
 # whose steps come in few sizes, is tightened by as much: 1.5 to 1.8 times the steps.
 LOOSER = 30.0

@@ -57,6 +57,9 @@ from polhode.models.scene import Scene, SlowStart
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import SolverNotValidError
 
+# Where a number below is called an estimate, a factor of two in it changes which methods are run and how often,
+# and so the time of asking and at times the choice. `polhode validate --ablation` measures what such parts buy.
+
 # A method is cut that costs more than this times the best one so far: the held-out test counts a
 # first choice as near the best up to the same factor (`heldout.NEAR`).
 _CUT = 1.5

@@ -15,6 +15,9 @@ from polhode.models.scene import Scene, SlowStart
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Solver
 
+# Where a number below is called an estimate, a factor of two in it changes which method or tolerance is tried
+# first, and so the time of an answer. Its error is confirmed all the same.
+
 # The best solver that is installed: of high order where accuracy sets the steps, implicit where
 # stability does.
 EXPLICIT = ("cyrk-vern8", "cyrk-dop853", "taylor", "dop853")

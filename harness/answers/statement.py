@@ -21,6 +21,9 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
+# The factors of statements are fitted with the numbers below as they are: if one of them changes, the fit must be
+# made anew (`polhode validate --errors N --fit`).
+
 # Share of the runs whose error stays below the upper end, as `polhode validate` counts; the fit asks
 # for a little more (`coverage._FITTED_ABOVE`).
 _BOUNDED = 0.975

@@ -16,6 +16,9 @@ from polhode.harness.answers.runs import Run, Runner
 from polhode.harness.answers.statement import difference
 from polhode.solvers.contract import Status
 
+# Where a number below is called an estimate, a factor of two in it makes a search take more runs, or end at a
+# tolerance that is tighter than it need be.
+
 # Runs of a search, at most. An estimate: more cost more than the tolerance that they find would spare.
 _MAX_RUNS = 6
 # An error of 0 counts as this, so that a quotient stays finite.
