@@ -92,8 +92,8 @@ _REDUCED_STARTS = 16  # Of either random kind on the reduced grid.
 # Half turns over which a layer is measured: the more, the wider it shows itself. Two counts show by
 # how much; they are estimates.
 _LAYER_HALF_TURNS = (200, 800)
-# Points of a section that are kept at most, of all of it and of the magnified view: more than are
-# drawn, for those who take the data. Estimates.
+# About how many points of a section are kept, of all of it and of the magnified view (`_thinned`):
+# more than are drawn, for those who take the data. Estimates.
 _POINTS_KEPT = 9000
 _CLOSE_POINTS_KEPT = 6000
 
