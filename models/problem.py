@@ -57,9 +57,11 @@ class Parts:
     slow: Part
     # (ops)(y, p): the rate of the angle, constant along the fast flow.
     rate: Callable[[Operations], Callable[[Any, Any], Any]]
-    # (p): the slow part's largest rate of relaxation; 0 without one.
+    # (p): the slow part's largest rate of relaxation; 0 where the slow part does nothing.
     strength: Callable[[Sequence[float]], float]
-    # (p): the least rate at which the averaged motion forgets its start.
+    # (p): the least rate at which the averaged motion forgets its start, that is at which its slowest
+    # disturbance decays; an estimate serves. It may be below every rate of the slow part alone.
+    # Solvers divide by it where `strength` is positive, and do not use it where that is 0.
     forgetting: Callable[[Sequence[float]], float]
     # Angle, in rad, up to which `fast` is exact to rounding.
     reach: float
@@ -67,9 +69,11 @@ class Parts:
     moving: tuple[int, int]
     # (y), over generic numbers: what the fast flow leaves alone.
     slow_quantities: Callable[[Any], tuple[Any, ...]]
-    # (ops)(y, constants, constants, gains): the fast flow and the slow one behind it, where they
-    # take less time together. `gains`, if given, is what the components before the moving ones have
-    # gained since some time: it advances in their place.
+    # (ops)(y, fast_constants, slow_constants, gains): the fast flow and the slow one behind it, where
+    # they take less time together. It returns the whole state, d components. `gains`, if given, has
+    # length moving[0]: what the components before the moving ones have gained, in y, since the start
+    # of the solver's step. Then the first moving[0] components returned are the gains at the end of
+    # the flows, in place of the components themselves, so that small changes keep their digits.
     both: Callable[[Operations], Callable[..., Sequence[Any]]] | None = None
     # (y): a mean of states that are close to each other, brought back, to second order, to where
     # solutions lie. Without it no means are taken; with it `both` must be given.
@@ -80,7 +84,8 @@ class Parts:
 class ParameterTable:
     """Parameters of a field of time that change at given times: how a table in time is read.
 
-    From each time to the next the last parameters of both forms have one row of values.
+    From each time to the next the last k parameters of both forms have one row of values. Before
+    the first time the first row holds, and after the last time the last row.
     """
 
     times: np.ndarray  # shape (n + 1,), increasing, on the clock that is the state's last component
@@ -91,13 +96,19 @@ class ParameterTable:
 class Segment:
     """One segment of a run: a problem of its own, from where the run stands to a time of the run.
 
-    Its start is the run's state, and its clock the run's, in its own unit of time
-    (`Problem.time_unit`).
+    Who makes the segment sets `problem.start` to the run's state, in the problem's own components:
+    the run takes it as it is. Only the run's problem itself, between requested times, goes on from
+    the run's state whatever its start. The segment's clock is the run's, in the problem's own unit
+    of time (`Problem.time_unit`): it does not begin at 0 again.
     """
 
     problem: "Problem"
-    end: float  # in the run's time
-    # The run's states, of the problem's own, where they differ.
+    # In the run's time. It ends the segment, or the run's end does if that comes first; `problem.end`
+    # does not.
+    end: float
+    # ``states(own) -> run's``, shapes (n, d) each: states in the problem's own components as states
+    # of the run, where these differ. The way back is needed for the start alone, which the maker
+    # of the segment knows.
     states: Callable[[np.ndarray], np.ndarray] | None = None
     reason: str = ""  # why this problem here, in words
     # What it is expected to add to the run's largest error of L and E, over I_max.
@@ -108,6 +119,8 @@ class Segment:
     averaged: bool = False  # whether its equations are averaged ones
 
 
+# (time, state, tolerance): where the run stands, in its own time and components, and the tolerance of
+# the whole run.
 NextSegment = Callable[[float, np.ndarray, float], Segment]
 
 
@@ -115,6 +128,11 @@ NextSegment = Callable[[float, np.ndarray, float], Segment]
 @dataclass(frozen=True)
 class Problem:
     """An autonomous initial value problem ``y' = field(y, p)``, ``y(0) = start``, on ``0 <= t <= end``.
+
+    Where rates depend on time, the time is the last component of the state (`timed`). The exception
+    is a user's function that runs as plain Python (`plain`): it may depend on time, and its field
+    gives the rates at the start's time alone. Solvers that take it call it with the time, by
+    `OwnField.rates`.
 
     Parameters
     ----------
@@ -240,7 +258,16 @@ class Problem:
         return bool(getattr(self.field, "timed", False))
 
     def continued(self, elapsed: float, state: Floats, duration: float) -> "Problem":
-        """The problem that goes on from a state of a run, for some time."""
+        """The problem that goes on from a state of a run, for some time.
+
+        `elapsed` is the run's time at the state, and the new problem's time begins at 0 there; a
+        time in the state goes on. With a user's function the new run begins before
+        `OwnField.t_end` and does not go beyond it, where the field's time may stand still.
+
+        All else stays as in the whole run. A caller whose solver or checks read them clears
+        `closed_form` and `next_segment`, which count time from the start of the whole run,
+        `least_steps`, which counts its steps, and `invariant`, which the state may break already.
+        """
         field = self.field
         if isinstance(field, OwnField) and not self.timed:
             field = replace(field, t_start=float(field.time_at(elapsed)))
