@@ -32,6 +32,8 @@ def check_jacobian(problem: Problem) -> None:
         with np.errstate(all="ignore"):
             matrix: Any = structure.jacobian(time, start, *problem.field_parameters)
     except Exception as error:
+        # Cut to 150 characters, an estimate: a message that prints whole arrays does not bury what
+        # was expected.
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise ValueError(f"jacobian: got {reason:.150} at the start, {expected}") from error
     if not hasattr(matrix, "tocsc"):
@@ -46,7 +48,9 @@ def check_jacobian(problem: Problem) -> None:
 def moved_start(problem: Problem, states: np.ndarray, rtol: Any, atol: Any) -> str:
     """A sentence on how algebraic equations have moved the start beyond the tolerance; empty if they have not.
 
-    `states`, shape (n, d), begin at the start of the run.
+    `states`, one row per time, begin at the start of the run; the time, where it is a component,
+    stands last in them. `rtol` and `atol` are those of the user: one number, or one for each of the
+    user's d components, shape (d,), none for the time.
     """
     # Problems with parameters of the explicit form have no algebraic equations.
     if problem.parameters is not None or not len(states):
