@@ -65,11 +65,12 @@ _BESIDE_OFFSETS = (1e-3, 5e-3, 2e-2)  # Rad: distances from the saddle along θ.
 # steps of 1e-4 lie within about its width, the largest ones some ten widths off.
 _STEPS_OFF = (-16e-4, -9e-4, -4e-4, -1e-4, 0.0, 1e-4, 4e-4, 9e-4, 16e-4)
 # A start of the last kind that lies nearer than this, in rad, to the middle of the layer is that of
-# step 0: tables have eight digits, which blur θ by some 1e-8, and the next step lies 3e-5 or
-# farther off.
+# step 0: tables have eight digits, which blur θ by up to 5e-8, and the next step, of 1e-4 of the
+# separatrix' 0.78 rad, lies 8e-5 rad off.
 _IN_THE_MIDDLE = 1e-6
 # Width, in rad, up to which rounding alone may give a separatrix a layer: an estimate, some 500
-# times the width of 2e-15 that is measured where there is none (reports/paper/limits.md).
+# times the width of 2e-15 that is measured where there is none
+# (reports/paper/limits/poincare-fat-oblate-layer.csv).
 _ROUNDING = 1e-12
 # Orbits that start across a layer: some 200 of them lie in it, which gives its width to 15 %.
 _ACROSS = 1000
@@ -114,7 +115,11 @@ def _angles_of(start: Start) -> Triple:
 
 
 def _random_starts(generator: np.random.Generator, kind: float, count: int) -> list[Start]:
-    """Starts with cos θ and ψ uniform, and φ too if they are isotropic, else 0."""
+    """Starts with cos θ and ψ uniform, and φ too if they are isotropic, else 0.
+
+    ψ is drawn from half a turn: a half turn about z' leaves the ellipsoid unchanged, so that the
+    other half holds the same orbits.
+    """
     thetas = np.arccos(generator.uniform(-1.0, 1.0, count)).tolist()
     psis = generator.uniform(-pi / 2, pi / 2, count).tolist()
     # Drawn also where they are not used: both kinds take the same numbers of the generator.
@@ -137,7 +142,11 @@ def _starts_about(layer: tuple[float, float], steps: Sequence[float]) -> list[St
 
 @dataclass(frozen=True)
 class _Sections(Experiment):
-    """Poincaré sections of one ellipsoid; z' is its odd axis, so that the saddles lie at θ = π/2, ψ = ±π/2.
+    """Poincaré sections of one ellipsoid, with its saddles at θ = π/2, ψ = ±π/2.
+
+    There x' lies along the vorticity. A saddle is the rotation about the shortest axis for a
+    prolate-like body and about the longest one for an oblate-like body (docs/misprints.md), so that
+    x' must be that axis: z' is the longest axis of the first and the shortest of the second.
 
     The section is φ = nπ: θ and ψ are recorded whenever z' lies in the plane of φ = 0. A half turn
     is the time of `jeffery_top.half_turn`, half a Jeffery period; counts called "turns" are of half
@@ -147,13 +156,15 @@ class _Sections(Experiment):
     "growth" the chaotic isotropic starts after some counts of half turns; "" and "close" the points
     that are drawn; "layer" the ends of the layer of chaos, `librating` and `circulating`, as θ - π/2
     in rad at ψ = 0 (`jeffery_top.measure_layer`); "across" the starts across it; "saddle" the
-    exponent of the saddle per half turn; "settings" the duration, in inverse shear rates.
+    exponent of the saddle per half turn; "settings" the duration of the orbits, in inverse shear
+    rates, and the same in half turns, `turns`.
     """
 
     seconds: ClassVar[float] = 40.0
     ellipsoid: Ellipsoid
     half_turns: int  # How long to follow: about so many section points for each orbit.
-    close: tuple[float, float]  # Half width in θ and ψ, in rad, of the magnified view.
+    # The magnified view, in rad: its width in ψ, up to the saddle at π/2, and half its height in θ.
+    close: tuple[float, float]
     isotropic: int  # Starts of random orientation.
     layered: bool = False  # Whether to look for the layer of chaos along the separatrix.
 
@@ -211,7 +222,9 @@ class _Sections(Experiment):
     ) -> Computed:
         """Tables "layer", "saddle" and, for a layer wider than rounding, "across".
 
-        `layers` has the ends of the layer by number of half turns.
+        `layers` has the ends of the layer by number of half turns. "across" is made from a width of
+        `_ROUNDING` / `_WINDOW` on, and `ThinLayers.judge` reads it from `_ROUNDING` on: it is there
+        whenever it is read.
         """
         for count, (low, high) in zip(half_turns, layers, strict=True):
             ends = {"librating": low, "circulating": high}
@@ -265,6 +278,7 @@ class _Sections(Experiment):
             ylim=(pi / 2 - height, pi / 2 + height),
             title="at the saddle",
         )
+        # At most 6 intervals between ticks, by eye, so that their labels stay apart.
         saddle.locator_params(axis="x", nbins=6)
         # Points as small as in the panels would not show their colours in the key.
         key_above(figure, whole, markerscale=5)
@@ -434,14 +448,22 @@ class ThinLayers(_Sections):
         interval = None
         turns = layer.turns[-1]
         growth = float(data["saddle"].growth[0])
-        resolved = abs(width) > _ROUNDING
+        resolved = width > _ROUNDING
         if resolved:
             width, interval = _frayed_width(data["across"])
+            # Estimates, about a factor of ten on either side of the 1.1e-4 rad that is measured.
             expected = Range(1e-5, 1e-3, "wider than rounding by far, and thin beside the section")
             words = self._resolved(data, width, chaos)
         else:
             expected = Range.near(0.0, _ROUNDING, "the width that rounding gives a separatrix")
-            words = self._unresolved(data)
+            words = self._unresolved(data, chaos)
+        if width < -_ROUNDING:
+            # `measure_layer` gives a negative width then. It lies outside the expected range, so
+            # that the verdict is not confirmed.
+            words = (
+                f"Over {turns:g} half turns orbits next to the separatrix have not yet left the "
+                "saddle: whether there is a layer is not measured."
+            )
         numbers = chaos.numbers(Range(0.0, _THIN_SHARE, "up to this share a layer counts as thin"))
         name = f"width of the layer at ψ = 0 over {turns:g} half turns"
         measure = "" if interval is None else f"starts that librate and circulate, of {_ACROSS}"
@@ -455,17 +477,19 @@ class ThinLayers(_Sections):
         word = Word.SHARPENED if resolved else Word.UNDECIDED
         return Verdict(word, f"{chaos.sentence()} {words}", self.caption(data), numbers)
 
-    def _unresolved(self, data: Data) -> str:
+    def _unresolved(self, data: Data, chaos: Chaos) -> str:
         """Words about a layer that rounding would hide."""
         layer = data["layer"]
+        evidence = "As no orbit is chaotic, there may be none."
+        if chaos.chaotic_count:
+            evidence = f"Yet orbits are chaotic: {chaos.chaotic_count} of all starts."
         growth = float(data["saddle"].growth[0])
         return (
             f"A layer of chaos, if there is one, is thinner than {_ROUNDING:g} rad: at ψ = 0 "
             f"libration changes to circulation at {layer.librating[-1]:.3f} rad from θ = π/2 within "
             f"what rounding leaves, over {layer.turns[-1]:g} half turns. "
             f"The saddle repels by no more than {growth:.2g} per half turn, and a separatrix "
-            "splits by what is exponentially small in the inverse of that. As no orbit is "
-            "chaotic, there may be none."
+            f"splits by what is exponentially small in the inverse of that. {evidence}"
         )
 
     def _resolved(self, data: Data, width: float, chaos: Chaos) -> str:
@@ -558,6 +582,7 @@ class _Top(Experiment):
         unit_sphere(axes)
         # Thin lines, so that turns that lie close to each other stay apart.
         axes.plot(path.x, path.y, path.z, color=BLUE, linewidth=0.6)
+        # The dot's size, in typographic points, by eye; above the lines.
         style: dict[str, Any] = {"marker": "o", "color": VERMILLION, "markersize": 5, "zorder": 5}
         axes.plot(path.x[:1], path.y[:1], path.z[:1], **style)
         return figure
@@ -573,6 +598,8 @@ class _Top(Experiment):
     def checks(self, data: Data) -> list[Number]:
         """The closed form against an integration."""
         numbers = data["numbers"]
+        # Both bounds are estimates, far above the 5e-14 and 3e-16 that are measured and far below
+        # what a figure shows.
         return [
             Number(
                 "closed form against integration, largest |Δt_ij|",
@@ -648,7 +675,9 @@ class SymmetricTop(_Top):
                 Number(
                     "variation of the nutation angle",
                     np.ptp(table.nutation),
-                    Range.at_most(1e-6, "the arccosine of eight digits"),
+                    # The nutation is computed in double precision; its table rounds it to steps of
+                    # 1e-7 rad. The bound is an estimate, ten of these.
+                    Range.at_most(1e-6, "far above the eight digits of the table"),
                     "rad",
                 ),
                 Number(
@@ -686,7 +715,9 @@ def measured_period(path: Table) -> float:
 # bodies, for which chaos is claimed to dominate, have more isotropic starts, which narrows the
 # interval of the share to ±0.02, and fewer half turns, the last half of which changes the share by
 # 0.01 at most. Where chaos is claimed to be thin, 400 orbits without any that is chaotic
-# bound the share by 0.01. Magnified views are chosen by eye.
+# bound the share by 0.01. They are followed for 400 half turns, an estimate: of the chaotic orbits
+# of the fat prolate body the slowest has the exponent 0.054, and 0.054 n passes the border of
+# 3 log n after about 320. Magnified views are chosen by eye.
 LIMITS_SECTION = Section(
     "limits",
     "Limiting cases: the Jeffery and the Euler top",

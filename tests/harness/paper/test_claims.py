@@ -19,6 +19,7 @@ from polhode.harness.paper.sections.beyond import (
     two_laws,
     typical_errors,
 )
+from polhode.harness.paper.sections.limits import LIMITS_SECTION
 from polhode.harness.paper.sections.periods import turns
 
 TABLE = np.rec.fromarrays([[1.0, 1.0, 2.0], [1.0, 10.0, 1.0], [4.0, 5.0, 6.0]], names="kappa,x,y")
@@ -126,3 +127,29 @@ def test_a_share_says_of_what():
                 shares += 1
                 assert number.measure, (item.name, number.name)
     assert shares > 10
+
+
+def test_a_separatrix_without_a_layer_is_judged_by_its_width_and_its_orbits():
+    """Rows as of the fat oblate body; a negative width has no orbits across, and confirms nothing."""
+    (item,) = (one for one in LIMITS_SECTION.items if one.name == "poincare-fat-oblate")
+
+    def judged(width: float, chaotic: list[float]) -> Verdict:
+        starts = [[0.0, 0.0, 1.0, 2.0], [0.01, 0.02, 0.01, 0.03], chaotic]
+        data = {
+            "orbits": np.rec.fromarrays(starts, names="kind,exponent,chaotic"),
+            "layer": np.rec.array(
+                [(800.0, 0.27, 0.27 + width, width)],
+                names="turns,librating,circulating,width",
+            ),
+            "saddle": np.rec.array([(0.15,)], names="growth"),
+            "settings": np.rec.array([(3000.0,)], names="duration"),
+        }
+        return item.experiment.judge(data)
+
+    sharp = judged(2e-15, [0.0, 0.0, 0.0, 0.0])
+    assert sharp.word is Word.UNDECIDED
+    assert sharp.sentence.endswith("As no orbit is chaotic, there may be none.")
+    assert judged(2e-15, [0.0, 0.0, 0.0, 1.0]).sentence.endswith("chaotic: 1 of all starts.")
+    negative = judged(-1e-5, [0.0, 0.0, 0.0, 0.0])
+    assert negative.word is Word.NOT_CONFIRMED
+    assert negative.sentence.endswith("whether there is a layer is not measured.")
