@@ -2,7 +2,8 @@
 
 `pick` ranks methods for a scene; `polhode.harness.answers.heldout` measures its first choice and all others. In
 the tables `factor` is the ratio of the time of the first choice to the time of the best run, and `met` says
-whether the first choice met the requested error. The scenes of a stratum have best runs of about one duration.
+whether the first choice met the requested error, or `pick` refused an error that no run met. The scenes of a
+stratum have best runs of about one duration.
 """
 
 import re
@@ -137,7 +138,10 @@ def summary(scenes: Any) -> list[str]:
 
 
 def reached(scenes: Any) -> bool:
-    """Whether the first choices reach the targets of `heldout` in each stratum: near the best, and none far from it."""
+    """Whether the first choices reach the targets of `heldout` in each stratum: near the best, and none far from it.
+
+    The target of asking does not count: `summary` names it.
+    """
     rows = [row for row in judged(scenes) if row["stratum"] in heldout.STRATA]
     return all(row["near"] >= heldout.SHARE_NEAR and row["farthest"] <= heldout.FAR for row in rows)
 
