@@ -42,8 +42,10 @@ class Passage:
     start: str
     slow_time: float
     stokes: float
-    modes: str = ""  # modes treated, as (k₁, k₂), the strongest first
-    kick: float = nan  # over I_max: what the strongest mode met would give L, were it left out
+    # Modes (k₁, k₂) whose kicks the form leaves out, in the order in which the run meets them. Weak kicks are
+    # not named (`second_order._NAMED_KICK`).
+    modes: str = ""
+    kick: float = nan  # the largest change of L by one of these kicks, over I_max
     slow: float = nan
     estimated_slow: float = nan
     first_order_slow: float = nan

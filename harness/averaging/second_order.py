@@ -35,11 +35,16 @@ from polhode.solvers.solve import solve
 # Output times of a run, of which the largest error counts. An estimate: fewer may miss it between two times.
 SECOND_ORDER_SAMPLES = 2001
 # Tolerances of the reference in long double, and of the looser run that shows its error: 1e-18 is
-# near the last digit of long double.
+# near the last digit of long double. A hundredfold is an estimate, as in `reference.LONG_DOUBLE`: the two runs
+# then differ by the error of the looser one, which is larger than that of the tighter one.
 REFERENCE_TOLERANCES = (1e-18, 1e-16)
 # Tolerance of averaged forms: the solver's error is then rounding, far below the form's own.
 SECOND_ORDER_TOLERANCE = 1e-14
-# Solver of passages: resonances ask for many small steps.
+# Solver of averaged forms, but for passages, and of the full form as the reference of `costs`.
+USUAL_SOLVER = "taylor"
+# Solver of passages: within the width of a resonance the field's coefficients rise and fall (`field.regular`),
+# which asks every solver for small steps. Steps of Taylor's method cost the most, for its series are of high
+# order, and pay where they are long. A choice; which solver is faster there was not measured.
 PASSAGE_SOLVER = "cyrk-vern8"
 # Runs of a passage, of which the fastest counts. An estimate: more take longer and are disturbed less.
 PASSAGE_REPEATS = 3
@@ -59,17 +64,22 @@ COST_SLOW_TIME = 0.5
 COST_SAMPLES = 11
 COMPARED = 1e6
 TARGET = 1e-6
-_EXPONENTS = tuple(range(3, 9))  # Powers of ten of St, at which the second-order form is timed.
+# Powers of ten of St at which the second-order form is timed, `COMPARED` among them. A choice: the cost
+# hardly depends on St, and six decades show it.
+_EXPONENTS = tuple(range(3, 9))
 # Tolerance of averaged forms, far below `TARGET`.
 _COST_TOLERANCE = 1e-9
 # Tolerance of the reference of these runs by Taylor's method in double precision: it is below an ulp.
 _REFERENCE_TOLERANCE = 1e-16
-# Tolerances of the full equations, of which the loosest that meets `TARGET` counts.
+# Tolerances of the full equations, of which the loosest that meets `TARGET` counts. A choice: from a hundredth
+# of `TARGET` on, since errors grow along a run. A solver that meets it at none of them has no row.
 FULL_TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
-# Solvers of the full equations that compete with averaging.
+# Solvers of the full equations that compete with averaging. A choice: Taylor's method and two explicit
+# Runge–Kutta methods of order 8.
 _FULL_SOLVERS = ("taylor", "cyrk-vern8", "cyrk-dop853")
 # Runs at different St take turns, so that slow moments of the machine meet all. Many runs of averaged
-# forms are cheap; the full form takes far longer. Both numbers are estimates.
+# forms are cheap; the full form takes far longer. Both numbers are estimates. `timed.json` holds the first
+# alone; the page takes the second from here.
 COST_REPEATS = 50  # Runs of averaged forms at each St, of which the fastest counts.
 FULL_REPEATS = 3  # Runs of the full form, of which the fastest counts.
 # Key by which the fastest of `TimedRun`s is found.
@@ -86,7 +96,7 @@ class TimedRun:
 
 
 def timed_run(
-    scene: Scene, name: str, tolerance: float, samples: int, solver: str = "taylor"
+    scene: Scene, name: str, tolerance: float, samples: int, solver: str = USUAL_SOLVER
 ) -> TimedRun:
     """Run a form at so many equispaced times; raises RuntimeError if it does not reach its end.
 
@@ -185,7 +195,7 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
     row, _ = _compared(case, scene, fastest)
     least_kick = _NAMED_KICK * row["estimated_slow"]
     strong = [kick for kick in outline(scene).kicks if kick.size > least_kick]
-    # A mode may be met several times, and is named once.
+    # A mode may be met several times, and is named once, where it is met first.
     distinct = dict.fromkeys(kick.mode for kick in strong)
     modes = " ".join(f"({k1:.0f}, {k2:.0f})" for k1, k2 in distinct)
     kick = max((kick.size for kick in strong), default=nan)
@@ -202,7 +212,7 @@ def costs(exponents: Sequence[int] = _EXPONENTS, compared: float = COMPARED) -> 
     first = averaged_form(compared_scene)
     second = SecondOrder.name
     reference = timed_run(compared_scene, full, _REFERENCE_TOLERANCE, COST_SAMPLES).observables
-    averaged_by = available_like("taylor")
+    averaged_by = available_like(USUAL_SOLVER)
 
     def cost(scene: Scene, name: str, solver: str, tolerance: float, run: TimedRun) -> Cost:
         """The row of a run; its error is known at `compared` alone."""
@@ -232,7 +242,7 @@ def costs(exponents: Sequence[int] = _EXPONENTS, compared: float = COMPARED) -> 
     for solver in _FULL_SOLVERS:
         if not find_solver(solver).available:
             continue
-        # The loosest tolerance that meets `TARGET` counts.
+        # The loosest tolerance that meets `TARGET` counts; a solver that never meets it has no row.
         for tolerance in FULL_TOLERANCES:
             run_full = partial(timed_run, compared_scene, full, tolerance, COST_SAMPLES, solver)
             runs = [run_full()]

@@ -44,7 +44,7 @@ def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
     }
     note = (
         f"{len(errors_by_case)} starts away from resonances, a line each; by "
-        f"{second_order.PASSAGE_SOLVER} at tolerance {short(second_order.SECOND_ORDER_TOLERANCE)} "
+        f"{second_order.USUAL_SOLVER} at tolerance {short(second_order.SECOND_ORDER_TOLERANCE)} "
         "against the full equations in long double. No times are shown."
     )
     save(against_stokes(panels, "error", note), folder, "errors")
