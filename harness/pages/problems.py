@@ -49,7 +49,12 @@ def rewrite_page(folder: Path) -> Path:
 
 
 def _write(table: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
-    """Write page and figures of the runs in a table; `made` says how they were made."""
+    """Write page and figures of the runs in a table; `made` says how they were made.
+
+    The columns needed are `problem`, `solver`, `tolerance`, `status`, `message`, `error`, `seconds` and
+    `spread`. The last three are empty for a run that did not reach its end, and the last two for one that took
+    too long to be repeated. `tolerance` is empty, too, where the process failed: one row then stands for all.
+    """
     # The functions below read columns by the names that records of scenes have. The error is that of the
     # state at the end, where the published digits count as exact. Every run has one form, the problem's own.
     runs = table.assign(
@@ -86,6 +91,9 @@ def _write(table: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
         winners = [_winner(times.loc[target, name]) for target in _TARGETS]
         fastest.append([name, *winners])
     status = runs["status"].astype(str)
+    # A run at the time limit of the study is slow, not wrong: a longer limit might let it reach its end.
+    # pages/outcomes.py counts it, and one at a limit of steps, as "stopped". These runs have no limit of
+    # steps of the study's: one that ends so was stopped by its own library, and failed.
     page = fill(
         "problems",
         made=made,

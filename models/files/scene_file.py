@@ -40,18 +40,21 @@ class Table(BaseModel):
 class ShapeTable(Table):
     """``[shape]``."""
 
-    semi_axes: SemiAxes
+    semi_axes: SemiAxes  # along x', y', z', in any common unit
 
 
 class StartTable(Table):
     """``[start]``: Euler angles or a quaternion, with their motion; or the slow variables alone."""
 
-    euler_angles: Vector | None = None
-    euler_rates: Vector | None = None
-    quaternion: FourVector | None = None
-    angular_velocity: Vector | None = None
+    euler_angles: Vector | None = None  # θ, φ, ψ in rad
+    euler_rates: Vector | None = None  # rad in an inverse shear rate
+    quaternion: FourVector | None = None  # real part first; any norm but 0
+    angular_velocity: Vector | None = None  # along the body axes, in units of the shear rate
     at_rest: bool = False
+    # In space axes, in units of (density) l⁵ (shear rate), as in `Observables`. The key of the same name in a
+    # sweep file is over the largest moment of inertia; this one is not.
     angular_momentum: Vector | None = None
+    # In units of (density) l⁵ (shear rate)².
     energy: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
 
     @model_validator(mode="after")
@@ -76,6 +79,7 @@ class StartTable(Table):
             return EulerStart(_triple(self.euler_angles), _triple(self.euler_rates or _REST))
         assert self.quaternion is not None
         q0, q1, q2, q3 = self.quaternion
+        # `BodyStart` refuses a norm of 0, which needs no warning besides.
         if (norm := hypot(*self.quaternion)) > 0 and abs(norm - 1) > _UNIT_WITHIN:
             words = f"start.quaternion: got {self.quaternion} of norm {norm:.3g}, which is divided out; was 1 meant?"
             warnings.warn(words, Question, stacklevel=2)
@@ -109,9 +113,10 @@ class FlowTable(Table):
     file; `times` and `gradients`, nine numbers each, are the same in place.
     """
 
+    # Entries in units of the shear rate.
     gradient: Annotated[list[Vector], Field(min_length=3, max_length=3)] | None = None
     track: str | None = None
-    times: Annotated[list[Finite], Field(min_length=2)] | None = None
+    times: Annotated[list[Finite], Field(min_length=2)] | None = None  # inverse shear rates
     gradients: list[NineVector] | None = None
 
     # Sets of fields that may be given together.
@@ -143,9 +148,10 @@ class FlowTable(Table):
 class SceneTable(Table):
     """A whole scene file."""
 
+    # inf is allowed. NaN is not: it is not greater than or equal to 0.
     stokes: Annotated[float, Field(ge=0, allow_inf_nan=True)]
-    slow_time: Positive | None = None
-    time: Positive | None = None
+    slow_time: Positive | None = None  # duration t/St, in inverse shear rates
+    time: Positive | None = None  # duration t, in inverse shear rates
     shape: ShapeTable
     start: StartTable
     flow: FlowTable | None = None
@@ -162,7 +168,16 @@ class SceneTable(Table):
     def scene(self, folder: Path = Path()) -> Scene:
         """The scene; `folder` holds the file, and that of a track.
 
-        Raises ValueError if slow_time * stokes overflows or underflows, or the flow is not valid.
+        Raises ValueError if
+
+        - slow_time * stokes overflows or underflows;
+        - the flow is not valid, or the file of its track cannot be read (`FlowTable.flow`);
+        - the shape is too thin (`Ellipsoid`);
+        - the quaternion is 0, or a number of the start is too large (`EulerStart`, `BodyStart`, `SlowStart`);
+        - St or the duration is out of range, a track is shorter than the run, or the shape cannot have the
+          angular momentum and energy of the start (`Scene`).
+
+        Warns as `StartTable.start` does.
         """
         a, b, c = self.shape.semi_axes
         time = self.time if self.time is not None else (self.slow_time or 0) * self.stokes
