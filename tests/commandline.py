@@ -23,7 +23,9 @@ semi_axes = [1.0, 0.8, 0.5]
 euler_angles = [1.0471975511965976, 0.5235987755982988, 0.0]
 euler_rates  = [1.0, 1.0, -1.0]
 """
-# Two solvers at three tolerances on one short scene: seconds, not minutes.
+# Two solvers at three tolerances on one scene at two Stokes numbers, since pages and filters group
+# runs by St. It takes seconds, not minutes: runs are short (t = 1 and 2, by `slow_time`), have few
+# rows (`samples`), and one that hangs is stopped after `max_seconds`.
 STUDY = """\
 name = "small"
 title = "A small study"
@@ -75,4 +77,7 @@ def small_disk(folder: Path, size: str) -> Iterator[Path]:
     try:
         yield folder
     finally:
+        # Lazily: where a test fails, a process or a store may still have a file open there, and
+        # `umount` alone would refuse. The disk leaves the tree now, and its memory goes with the
+        # last open file.
         subprocess.run(["umount", "-l", str(folder)], check=True)

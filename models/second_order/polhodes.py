@@ -2,9 +2,9 @@
 
 Body axes are permuted so that the polhode circles axis 3 and axis 2 is the intermediate one; with
 i_j = 1/I_j, h = 2E/L² lies between i₃ and i₂, and y = ln((h - i₃)/(i₂ - h)) is the variable used
-for it. Frequencies are counted over l = |L|. A side is the region of h on one side of L² = 2EI₂: on it
-the polhode circles the longest or the shortest axis. `docs/second-order.md`, section 2, has the
-phases and frames; labels such as `eq:omg1` are those of the paper's equations.
+for it. The frequencies ν₁ and ν₂ are divided by l = |L|. A side is the region of h on one side of
+L² = 2EI₂: on it the polhode circles the longest or the shortest axis. `docs/second-order.md`,
+section 2, has the phases and frames; labels such as `eq:omg1` are those of the paper's equations.
 """
 
 from dataclasses import dataclass, replace
@@ -19,7 +19,11 @@ from polhode.models.shape import Ellipsoid
 Array = np.ndarray
 
 # Step in y of the sixth-order differences by which polhodes are differentiated. They err by the
-# seventh derivative times step⁶/140 = 5e-13, and by rounding over the step.
+# seventh derivative, below 1, times step⁶/140 = 5e-13, and by rounding over the step, of like size
+# here. With semi-axes 1, 0.8 and 0.5 and |y| up to 6, derivatives by a step of 0.04 differ from
+# these by 1e-11, the error of that longer step; by 0.01 they differ by 1e-12, which is rounding: a
+# shorter step gains nothing. F₂ needs the generator to 1e-9 (`docs/second-order.md`, section 5): the errors are
+# 1000 times less.
 _STEP = 0.02
 # Steps of these differences and the weights of their pairs.
 _DIFFERENCES = ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))
@@ -76,7 +80,8 @@ class SidedBody:
     def normal(self, x: Array, x1: Array, phase: Array) -> Array:
         """Body components of n, shape (..., 3), from x, x1 = 1 - x and α.
 
-        By `eq:omg1`–`eq:omg3`, over the frequency.
+        `eq:omg1`–`eq:omg3` give ω as a function of time. Here n = Iω/l, and α takes the place of
+        the time: it grows by 2π each turn, so that no frequency is needed.
         """
         with IMPORTS:
             from scipy.special import ellipj, ellipkm1

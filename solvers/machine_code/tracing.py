@@ -37,7 +37,12 @@ class FieldError(ValueError):
 def either_side(
     operation: Callable[[Any, Any], Any],
 ) -> tuple[Callable[[Any, Any], Any], Callable[[Any, Any], Any]]:
-    """An operator of numbers and arrays, and its mirror image for a number on the right."""
+    """An operator of numbers and arrays, and its mirror image for a number on the right.
+
+    Our own fields meet no arrays, and recorded functions are numbers alone by now. A user's factory
+    may combine an array with a component: `np.array([1.0, 2.0]) * y[0]` is left to the number by
+    NumPy, and computed element by element here.
+    """
 
     def of_any(left: Any, right: Any) -> Any:
         if not (isinstance(left, np.ndarray) or isinstance(right, np.ndarray)):
@@ -89,6 +94,8 @@ class Number:
     def __pos__(self) -> "Number":
         return self
 
+    # Unlike the four above, a power whose base or exponent is an array, the other one a traced
+    # number, is refused by a FieldError. `np.array(y) ** 2` is NumPy's, element by element.
     def __pow__(self, exponent: Any) -> Any:
         if isinstance(exponent, Number) or exponent not in _MULTIPLIED_OUT:
             return call("pow", self, exponent)
@@ -117,7 +124,12 @@ class Number:
 
 
 def call(function: str, *arguments: Any) -> Any:
-    """A mathematical function of numbers and constants."""
+    """A mathematical function of numbers and constants that LLVM has as `@llvm.NAME.f64`.
+
+    Names in use, which `math` has too: sin, cos, sqrt, exp, log, pow. LLVM knows these functions
+    without a declaration. Fields of users call them with anything: what is no number is refused
+    here by name.
+    """
     wrong = next((x for x in arguments if not isinstance(x, Number | Real)), None)
     if wrong is not None:
         raise TypeError(f"{function}: got {wrong!r}, expected a number")
@@ -141,7 +153,12 @@ def _where_positive(x: Any, a: Any, b: Any) -> Any:
 
 
 def of_library(function: str, *arguments: Any) -> Any:
-    """A function of C's library that LLVM has no name for."""
+    """A function of C's library that is none of LLVM's own.
+
+    Names are expm1, atan2 and the others that `llvm.py` declares before each text; another name is
+    traced, and refused when the text is compiled. Arguments are not checked: they come from
+    recordings, `Part` and rules of derivatives, which pass numbers alone.
+    """
     return _called(function, function, arguments)
 
 
@@ -166,7 +183,9 @@ def trace(factory: Factory, dimension: int, parameters: int, mass: bool = False)
     """LLVM's lines that compute a field's rates, read at %y and %p and written at %out.
 
     With `mass` it is the residual ``mass * slope - field(y, p)``, with two further arrays %slope
-    and %mass. A FieldError says where the field does what no field may do.
+    and %mass, the diagonal of the mass matrix. With a full matrix SUNDIALS runs through
+    scikit-sundae, without this residual. A FieldError says where the field does what no field may
+    do.
     """
     lines: dict[str, str] = {}
     rates = _evaluate(factory, read(lines, "y", dimension), read(lines, "p", parameters))
