@@ -24,6 +24,8 @@ CONNECT_SECONDS = 30
 _STOP_EVERY = 0.1
 # Seconds that a task may take. An estimate: tasks last seconds to minutes, and one that hangs for a day is killed.
 _TASK_SECONDS = 24 * 3600.0
+# Dask's words for a task that runs, or is to run again.
+_UNDER_WAY = ("pending", "lost")
 # Host and port as Dask reads them; a port has at most five digits.
 _ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):\d{1,5}")
 
@@ -164,6 +166,10 @@ def dask(
                 if not tasks_of:
                     return
                 future = next(pending)
+                if future.status in _UNDER_WAY:
+                    # The worker with its result was lost after it had finished: Dask runs it again.
+                    pending.add(future)
+                    continue
                 task, _ = tasks_of.pop(future.key)
                 if future.status == "finished":
                     yield Finished(task, future.result())

@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -197,15 +198,37 @@ def test_a_sweep_by_workers_of_four_threads_gives_the_same_bits(
     assert found[0] == found[1]
 
 
-def test_dask_survives_the_kill_of_a_worker(cluster):
+def test_dask_survives_the_kill_of_a_worker(cluster, tmp_path: Path):
+    """Tasks it has begun are run again, and so are finished ones whose results were not fetched yet."""
     address, workers = cluster
-    jobs = [Job(3000 + number, seconds=0.2) for number in range(30)]
-    run = dask(address, square, jobs)
-    found = {next(run).task.number for _ in range(4)}
-    workers[0].kill()
-    found |= {outcome.task.number for outcome in run if outcome.value is not None}
-    assert found == {job.number for job in jobs}
-    workers[0].wait()
+    victim = workers[0]
+    jobs = [Job(3000 + number, seconds=0.2, folder=tmp_path) for number in range(30)]
+    with import_module("distributed").Client(address, set_as_default=False) as client:
+        client.wait_for_workers(2, timeout=60)
+        run = dask(address, square, jobs)
+        found = {next(run).task.number}
+
+        def unfetched() -> set[int]:
+            """Jobs done by the victim whose results this process has not got yet."""
+            marks = {job.number: tmp_path / job.key for job in jobs}
+            done_there = {
+                number
+                for number, mark in marks.items()
+                if mark.exists() and str(victim.pid) in mark.read_text().split()
+            }
+            return done_there - found
+
+        wait_until(lambda: len(unfetched()) > 0)
+        victim.kill()
+        victim.wait()
+        lost = unfetched()
+        # The scheduler, and with it the run, has heard of the loss.
+        wait_until(lambda: len(client.nthreads()) == 1)
+        outcomes = list(run)
+    assert [outcome.message for outcome in outcomes if outcome.message] == []
+    assert found | {outcome.task.number for outcome in outcomes} == {job.number for job in jobs}
+    for number in lost:
+        assert len((tmp_path / f"job-{number}").read_text().split()) == 2
 
 
 def test_spinning_takes_as_long_as_it_says():
