@@ -17,6 +17,7 @@ from polhode.harness.averaging.shares import (
     CROSSING_EXPONENT,
     ERRORS_MET,
     KNOWN,
+    LEAST_KNOWN,
     MAX_ERROR_OF_LAWS,
     ORDER_ONE,
     ORDER_TWO,
@@ -40,9 +41,6 @@ _NAMES = {
 # An exponent is measured between two St of this ratio, the largest ones that have enough bodies: there the
 # law has set in, and the two are far enough apart.
 _STOKES_RATIO = 10.0
-# Share of the bodies at the larger St whose errors must be known for an exponent. If fewer errors are known, these
-# are the largest ones, which fall most slowly with St. An estimate.
-_LEAST_KNOWN = 0.5
 # St from which on an error's multiple of 1/St or 1/St² is taken. An estimate of where laws hold: from a smaller
 # St on, errors that follow no law yet would widen the range between the factors "few" and "most".
 _SETTLED_FROM = 1e4
@@ -134,7 +132,7 @@ def _measured(runs: Frame) -> dict[str, float] | None:
         begin = end / _STOKES_RATIO
         slopes = slopes_between(table, begin, end)
         bodies = np.sum(runs["stokes"] == end)
-        if slopes is not None and len(slopes) >= _LEAST_KNOWN * bodies:
+        if slopes is not None and len(slopes) >= LEAST_KNOWN * bodies:
             middle, low, high = median_interval(slopes)
             return {
                 "begin": float(begin),

@@ -39,6 +39,9 @@ LEAST_BODIES = 20
 # An error counts as known from this multiple of its reference's uncertainty on: the uncertainty
 # changes it by a tenth at most.
 KNOWN = 10.0
+# Share of the bodies at the larger St whose errors must be known for an exponent. If fewer errors are known, these
+# are the largest ones, which fall most slowly with St. An estimate.
+LEAST_KNOWN = 0.5
 # The errors at the St on either side make an error expected. One that is smaller than this share of it is
 # small by cancellation: terms of the error happen to add up to little at that St. An estimate: with half of it
 # the page would list fewer such errors.
@@ -163,8 +166,8 @@ class Exponent:
 def exponents(runs: Frame, ends: Sequence[float]) -> list[Exponent]:
     """Exponents of every kind and order between neighbouring St of a sequence, by bodies.
 
-    Left out are errors that the reference does not know, those above MAX_ERROR_OF_LAWS, and the
-    orientation after strong resonances, whose kicks spoil it.
+    Left out are errors that the reference does not know, those above MAX_ERROR_OF_LAWS, the orientation
+    after strong resonances, whose kicks spoil it, and St at which less than LEAST_KNOWN of the errors are known.
     """
     rows = []
     errors = {"slow": "uncertainty", "turned": "turned_uncertainty"}
@@ -177,7 +180,8 @@ def exponents(runs: Frame, ends: Sequence[float]) -> list[Exponent]:
             table = known.pivot(index="body", columns="stokes", values=error)
             for begin, end in pairwise(ends):
                 slopes = slopes_between(table, begin, end)
-                if slopes is None:
+                bodies = np.sum(group["stokes"] == end)
+                if slopes is None or len(slopes) < LEAST_KNOWN * bodies:
                     continue
                 middle, low, high = median_interval(slopes)
                 rows.append(
@@ -209,14 +213,15 @@ def predicted(row: Exponent) -> tuple[float, float]:
     """The two exponents between which theory puts a measured one.
 
     Crossings (first order) and resonances (both orders) add an error that falls like 1/√St: as St
-    grows, the exponent goes from the order's own to -½.
+    grows, the exponent goes from the order's own to -½. At second order, whose own error falls so fast,
+    weak resonances do so too: those of bodies of kind "stays".
     """
     if row.error == "turned":
         return _ORIENTATION, _ORIENTATION
     order_exponent = THEORY[row.order]
     if row.order == ORDER_ONE and row.crosses:
         return order_exponent, CROSSING_EXPONENT
-    if row.kind == "resonance":
+    if row.kind == "resonance" or (row.kind == "stays" and row.order == ORDER_TWO):
         return order_exponent, _RESONANCE
     return order_exponent, order_exponent
 
