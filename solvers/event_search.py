@@ -15,20 +15,22 @@ import numpy as np
 from polhode.models.libraries import IMPORTS
 from polhode.models.own_function import place_of
 
-# The state, shape (d,), at a time within the last step.
+# The state, shape (d,), at a time since the last look.
 Between = Callable[[float], np.ndarray]
 
-# SciPy's tolerance of the place of an event, absolute and relative to the time.
+# Tolerance of the place of an event, absolute and relative to the time: the one of SciPy's
+# `solve_ivp`.
 _PLACE = np.float64(4 * np.finfo(float).eps)
-# Iterations of Brent's method: it halves the interval at least every third time, and a double has
-# 53 bits.
+# Iterations of Brent's method, at most; an estimate. Simple roots take some ten. The slowest tried,
+# of third and ninth order, took 206 at most in steps up to 1e6 long, and 257 in one of 1e12.
 _MAX_ITERATIONS = 300
-# Looks within a step, where its interpolation costs next to nothing: a step of high order is
-# longer than a half period of what it follows. An estimate: two passages between two looks are missed.
+# Looks within a step, where its interpolation costs next to nothing: a step of high order is longer
+# than a half period of what it follows. An estimate: two passages between two looks are missed, and
+# so is a number that touches zero without passing it.
 _LOOKS_WITHIN_STEP = 8
-# Solvers that run many steps in one call look after few of them at first; the number grows by this
-# factor each time: a terminal event soon after the start costs no more than a few steps. An
-# estimate.
+# Solvers that run many steps in one call look after few of them at first (`_FIRST_LOOK` in
+# `cyrk.py` and `taylor.py`); the number grows by this factor each time: a terminal event soon after
+# the start costs no more than a few steps. An estimate.
 LOOK_GROWTH = 4
 
 
@@ -41,11 +43,14 @@ class SoughtEvent:
     name : str
         For messages.
     function : callable
-        ``function(t, y)`` of the run's time and state: a number, or True or False.
+        ``function(t, y)`` of the run's time, which begins at 0, and state: a number, or True or
+        False.
     direction : float
         It counts where the function rises if positive, where it falls if negative.
     terminal : int
-        The run ends at its n-th time; 0 if it does not end it.
+        n if the run ends when the event happens for the n-th time; 0 if it does not end the run.
+    times, states
+        Where it happened, in order of time; states of shape (d,). `EventSearch` fills them.
     """
 
     name: str
@@ -54,13 +59,13 @@ class SoughtEvent:
     terminal: int = 0
     times: list[float] = field(default_factory=list)
     states: list[np.ndarray] = field(default_factory=list)
-    last: float = 0.0  # value at the last look
-    condition: bool = False  # whether its values are True and False
+    last: float = 0.0  # value at the last look, by `EventSearch.begin` first the one at the start
+    condition: bool = False  # whether its values are True and False; `value` finds out
 
     def value(self, time: float, state: np.ndarray) -> float:
         """Its value as a number, 1 and -1 of True and False.
 
-        ValueError, in one line, if it has none.
+        ValueError, in one line with the user's line of code, if it has none.
         """
         try:
             value = self.function(time, state)
@@ -74,7 +79,11 @@ class SoughtEvent:
             raise ValueError(f"event {self.name!r}: got {words}") from error
 
     def passed(self, value: float) -> bool:
-        """Whether it happened between the last look and this value."""
+        """Whether it happened between the last look and this value.
+
+        A value of 0 counts when it is reached, not when it is left, so that no passage counts
+        twice; a start at 0 does not count. Next to NaN nothing counts.
+        """
         before = self.last
         if before == 0 or isnan(before) or isnan(value) or before * value > 0:
             return False
@@ -82,7 +91,7 @@ class SoughtEvent:
         return self.direction * -before >= 0
 
     def place(self, low: float, high: float, value: float, between: Between) -> float:
-        """The time of a passage between two looks, at the second of which it has the value given."""
+        """The time of a passage after `low`, the last look, up to `high`, where it has the value."""
 
         def at(time: float) -> float:
             return self.value(time, between(time))
@@ -94,6 +103,7 @@ class SoughtEvent:
 
             place: Any = brentq(at, low, high, xtol=_PLACE, rtol=_PLACE, maxiter=_MAX_ITERATIONS)
             return place
+        # Until `low` and `high` are neighboring doubles: the value has changed at `high`.
         while low < (middle := 0.5 * (low + high)) < high:
             if before * at(middle) > 0:
                 low = middle
@@ -109,13 +119,16 @@ class EventFailedError(Exception):
 class EventSearch:
     """All events of a run, followed from step to step.
 
-    A solver calls `begin` with the start and `through` with what it has accepted since, until that
-    returns True: a terminal event has happened, at the time `ended`.
+    `polhode.solvers.solve` calls `begin` with the start. A solver calls `through` with what it has
+    accepted since, until that returns True: a terminal event has happened, at the time `ended`. If
+    an event's function fails, both raise the ValueError of `SoughtEvent.value`.
     """
 
     def __init__(self, events: Sequence[SoughtEvent]) -> None:
         self.events = events
+        # Time of the last look.
         self.now = 0.0
+        # Time and state, shape (d,), of the event that ended the run; None and empty before.
         self.ended: float | None = None
         self.end_state = np.empty(0)
 
@@ -126,9 +139,10 @@ class EventSearch:
             event.last = event.value(time, state)
 
     def through(self, times: Sequence[float], states: Any, between: Between) -> bool:
-        """Look at states, one per time, at increasing times.
+        """Look at states, shape (n, d), at n increasing times; say whether one ends the run.
 
-        `between` interpolates from the last look on.
+        `between` holds from the last look of the previous call on. After the event that ends the
+        run no further state is looked at.
         """
         for time, state in zip(times, states, strict=True):
             passages = []
@@ -143,7 +157,7 @@ class EventSearch:
         return False
 
     def _note(self, passages: list[tuple[float, SoughtEvent]], between: Between) -> bool:
-        """Note passages in order of time, up to one that ends the run."""
+        """Note passages between two looks in order of time, up to one that ends the run."""
         passages.sort(key=lambda passage: passage[0])
         for time, event in passages:
             if self.ended is not None and time > self.ended:
@@ -162,7 +176,7 @@ def looks(steps: np.ndarray) -> np.ndarray:
     """Equispaced times within steps, and their ends.
 
     `steps` holds the ends of n steps, shape (n + 1,); the first step starts at the last look, whose
-    time is left out.
+    time is left out. The result has shape (9n,), as a step has 8 looks within.
     """
     parts = _LOOKS_WITHIN_STEP + 1
     # Places as numbers of steps from the beginning, such as 2 and 3/9.

@@ -1,6 +1,7 @@
 """Exponents of St that follow from the errors of second order away from resonances.
 
-By theory (`docs/second-order.md`) the error of L and E falls like 1/St², the error of the orientation like 1/St.
+By theory (`docs/second-order.md`) the error of L and E falls like 1/St², the error of the orientation like 1/St:
+their exponents are about -2 and -1. The page reports/second-order states those that are fitted here.
 """
 
 from collections.abc import Sequence
@@ -18,8 +19,10 @@ LARGEST_FITTED_ERROR = 1e-2
 # The least one, over the reference's uncertainty, which then changes an error by a percent at most. An
 # estimate: with half of this it would be two percent, and a few more points would count.
 LEAST_RESOLVED = 100.0
-# The orientation's slope is fitted to St from this share of the largest one on. That is two decades, and a
-# percent more, as the St of the cases are rounded to three digits.
+# The orientation's slope is fitted to St from this share of the largest one on. That is two
+# decades, and a percent more, as the St of the cases are rounded to three digits. Errors have no
+# limits here: in these decades the orientation is off by less than 0.5 rad, and by over 1e6 times
+# the reference's uncertainty (reports/second-order/orders.csv).
 _TOP_SHARE = 0.99e-2
 
 
@@ -27,16 +30,19 @@ _TOP_SHARE = 0.99e-2
 class Slope:
     """Fitted exponents of St, with the numbers of points that they rest on."""
 
-    shape: str
+    shape: str  # as in `SecondOrderErrors`, like the start
     start: str
     slow: float  # of the error of L and E; NaN with fewer than two points
     slow_points: int
-    orientation: float
+    orientation: float  # of the error of the orientation; NaN likewise
     orientation_points: int
 
 
 def slopes(rows: Sequence[SecondOrderErrors]) -> list[Slope]:
-    """Fitted exponents of St, one pair for each case; the orientation's over the top two decades."""
+    """Fitted exponents of St, one pair for each case; the orientation's over the top two decades.
+
+    A case is a shape and a start, in the order of the rows, each of which is one run at one St.
+    """
     fitted = []
     for shape, start in dict.fromkeys((row.shape, row.start) for row in rows):
         case_rows = [row for row in rows if (row.shape, row.start) == (shape, start)]

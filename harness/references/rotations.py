@@ -34,17 +34,18 @@ _AVERAGED_TOLERANCE = 1e-6
 # Rotations from which on averages are cheaper than a loose run, and no less accurate. An estimate.
 MANY = 1000.0
 # Longest segment of a run, in rotations, or on the stiff side in inverse shear rates: some tenths of a second.
-# The rest is extrapolated. Both are estimates.
+# The rest is extrapolated, at the mean rate of the segment's second half. Both are estimates.
 LONGEST_ROTATIONS = 1e5
 LONGEST_STIFF = 5e3
 # Damping rate, in shear rates, from which an implicit method takes fewer steps than stability allows an
 # explicit one; an estimate.
 _STIFF_FROM = 30.0
-# Least |ω| √(St I/8πX), the root of the angle turned while the torque changes |ω| by itself
-# (section `DAC`). Averages over a rotation need ω to change little in it. An estimate.
+# Least |ω| √(St I/8πX). Where |ω| is below the shear rate its square is, in order of magnitude, the
+# angle that the body turns while the torque changes |ω| by as much as |ω| itself (section `DAC`).
+# Averages over a rotation need ω to change little in it. An estimate.
 _SEPARATED = 1.5
 # From rest a body turns by some 100 rad within this multiple of √(St I/8πX). It is then so fast that
-# averages serve from there on. An estimate.
+# averages serve from there on. An estimate; whether they serve is checked there.
 _RISEN = 20.0
 # Angular velocity, in shear rates, at which the fluid turns, and a body at rest before long.
 _FLUID_SPEED = 0.5
@@ -55,11 +56,12 @@ _MAX_AVERAGED_STEPS = 100_000
 # Damping times from which on stability may hold an explicit method back. An estimate: with fewer of them an
 # explicit run takes some 0.28 × 20,000 steps at most for stability, which is cheap.
 STIFF = 2e4
-# Damping times that a rotation, and a unit of time that follows the flow, outweigh. With more of them
-# stability asks for more than 0.4 of the steps, and errors do not follow the tolerance; the errors of
-# Taylor's method, whose order is higher, still do. Counts of cyrk-vern8's steps at 1e-9 in the quaternion
-# form give both numbers: 8 steps in a rotation, 1.6 in a unit of following time, 0.28 in a damping time.
-# Since 0.28 S must be 0.4 of all steps, they are 8 × 0.4/0.6/0.28 and 1.6 × 0.4/0.6/0.28.
+# Damping times that a rotation, and a unit of time that follows the flow, outweigh, together. With
+# more of them stability asks for more than 0.4 of the steps, and errors do not follow the
+# tolerance; the errors of Taylor's method, whose order is higher, still do. Counts of cyrk-vern8's
+# steps at 1e-9 in the quaternion form give both numbers: 8 steps in a rotation, 1.6 in a unit of
+# following time, 0.28 in a damping time. Since 0.28 S must be 0.4 of all steps, they are
+# 8 × 0.4/0.6/0.28 and 1.6 × 0.4/0.6/0.28. The share 0.4 is an estimate.
 _PER_ROTATION = 19.0
 _PER_TIME = 3.8
 
@@ -72,7 +74,11 @@ def damping_times(scene: Scene) -> float:
 
 
 def following_time(scene: Scene) -> float:
-    """F = TS/(T + S): the time spent following the flow."""
+    """F = TS/(T + S): the time spent following the flow, in inverse shear rates.
+
+    S/T is the damping rate. F is all of T if damping is fast, S if it is slow, and 0 without
+    torque; between these limits the formula is an estimate.
+    """
     damped = damping_times(scene)
     return scene.time if scene.stokes == 0 else scene.time * damped / (scene.time + damped)
 
@@ -80,7 +86,11 @@ def following_time(scene: Scene) -> float:
 # The limit bounds memory alone.
 @lru_cache(maxsize=1000)
 def is_stiff(scene: Scene, turns: float | None = None) -> bool:
-    """Whether stability sets an explicit method's steps over many damping times, and rotations if they are known."""
+    """Whether stability, not the tolerance, sets the steps of an explicit method.
+
+    `turns` is the number of rotations if the caller knows it. Else `rotations` counts them where
+    the damping times are many, and may raise its ValueError.
+    """
     damped = damping_times(scene)
     if damped <= STIFF:
         return False
@@ -89,12 +99,12 @@ def is_stiff(scene: Scene, turns: float | None = None) -> bool:
 
 
 def rotations(scene: Scene) -> float:
-    """Number of rotations N = ∫|ω| dt/2π of a scene, within two per cent, in milliseconds.
+    """Number of rotations N = ∫|ω| dt/2π of a scene, within two per cent, as the tests check.
 
-    From the averaged slow variables where they are valid and N is large, else from a loose run that
-    integrates |ω| along. In a chaotic scene N is known no better than the scene itself. Raises
-    ValueError if that run fails, or if the start has no orientation and the averaged equations do
-    not apply.
+    From the averaged slow variables where they are valid and N is large, in milliseconds, else from
+    a loose run that integrates |ω| along, in some tenths of a second if it is long. In a chaotic
+    scene N is known no better than the scene itself. Raises ValueError if that run fails, or if the
+    start has no orientation and the averaged equations do not apply.
     """
     slow_start = isinstance(scene.start, SlowStart)
     if (slow_start or _averages_well(scene)) and (turned := _averaged_angle(scene)) is not None:
@@ -122,12 +132,15 @@ def _is_separated(scene: Scene) -> bool:
 
 
 def _separation(scene: Scene) -> float:
-    """√(St I/8πX) of the strongest damping: a body at rest turns by an angle of order one in it."""
+    """√(St I/8πX) of the strongest damping, in inverse shear rates; 0 at St = 0.
+
+    A body at rest turns by an angle of order one in it.
+    """
     return sqrt(scene.stokes / max(scene.ellipsoid.damping))
 
 
 def _averaged_angle(scene: Scene) -> float | None:
-    """∫⟨|ω|⟩ dt along the averaged slow variables; None where they do not apply."""
+    """∫⟨|ω|⟩ dt in rad along the averaged slow variables; None where they do not apply."""
     # Gauss's and Legendre's quadrature in s, t₂ = τ (exp(s) - 1), τ the fastest damping time: it resolves
     # both the transient and a long rest. Its nodes and weights belong to [-1, 1]. `span` is the end of s,
     # and dt₂ = τ exp(s) ds stands in the sum. St makes t of t₂.
@@ -156,14 +169,18 @@ def _averaged_angle(scene: Scene) -> float | None:
     speed = mean_speed(scene.ellipsoid, observed.slow)
     turns_back = np.sum(observed.angular_momentum[1:] * observed.angular_momentum[:-1], axis=1) < 0
     pinched = np.any(turns_back) or np.min(speed) * _separation(scene) < _SEPARATED
-    # L passes near zero, where a full run knows better if there can be one.
+    # L passes near zero, as it turns back from a node to the next or the body is slow. A full run
+    # knows better there, if there can be one: without an orientation there is none.
     if pinched and not isinstance(scene.start, SlowStart):
         return None
     return scene.stokes * float(np.sum(weight * speed * fastest * np.exp(s))) * span / 2
 
 
 def _with_angle(full: Problem, with_angle: Callable[[Factory], WithRate]) -> Problem:
-    """The problem with the angle turned as one more component, before the time if that is one."""
+    """The problem with the angle turned as one more component, before the time if that is one.
+
+    The angle begins at 0. `with_angle` makes the field with the angle from the form's own.
+    """
     field = full.field
     start = full.start
     if isinstance(field, AlongTrack):
@@ -178,10 +195,12 @@ def _with_angle(full: Problem, with_angle: Callable[[Factory], WithRate]) -> Pro
 
 
 def _angle(scene: Scene) -> float:
-    """∫|ω| dt by a loose run of the full equations, from rest only until averages serve.
+    """∫|ω| dt in rad by a loose run of the full equations, from rest only until averages serve.
 
-    A run that is too long stops at `end`, and the rate of its second half is extrapolated. `angle` is
-    the last component, or the one before the time if the problem has a time of its own.
+    From rest a first run ends at `risen`, and a second one, also from the start, at `longest`.
+    After each averages give the rest if they serve there, in shear alone. Else the rest is
+    extrapolated. The angle is the last component, or the one before the time if the problem has a
+    time of its own. Raises ValueError if a run fails.
     """
     form = find_form(reference_form(scene))
     full = form.problem(scene)
@@ -212,6 +231,8 @@ def _angle(scene: Scene) -> float:
         if scene.flow is not None:
             # No averages are known in other flows than shear.
             continue
+        # In shear the state has no time: its last component is the angle, which the form does not
+        # know.
         reached = start_from(scene.ellipsoid, form.observe(scene, run.states[-1:, :-1]))
         remaining = replace(scene, start=reached, time=scene.time - end)
         if _averages_well(remaining) and (further := _averaged_angle(remaining)) is not None:

@@ -15,23 +15,29 @@ from polhode.harness.pages.tables import templates
 # Power of ten up to which a number with an exponent is written out, if its digits go so far: 1.7e+02 as 170.
 # From 1e5 on zeros have to be counted.
 _LARGEST_WRITTEN_OUT = 4
-# Digits of the numbers in a page's data: more than a picture shows. Fewer make the page smaller.
+# Significant digits of the numbers in a page's data: more than a picture shows. Fewer make the page
+# smaller.
 _DATA_DIGITS = 4
 
 
 @dataclass(frozen=True)
 class Page:
-    """A page of the site: what it answers in a sentence, HTML, data of its scripts by element id, and their files."""
+    """An interactive page; the template `interactive.html` joins body, data and scripts."""
 
     title: str
-    lead: str
-    body: str
+    lead: str  # Markdown: what the page answers, in a sentence
+    body: str  # HTML
+    # What the scripts read, by the id of the element that holds it: anything that `plain` takes.
     data: dict[str, Any] = field(default_factory=dict)
-    scripts: tuple[str, ...] = ()
+    scripts: tuple[str, ...] = ()  # JavaScript files of this folder, in the order of loading
 
 
 def html(name: str, /, **fields: Any) -> str:
-    """The template `NAME.html` beside this module with its fields; a missing field is an error of Jinja's."""
+    """The template `NAME.html` beside this module with its fields; a missing field is an error of Jinja's.
+
+    Fields are escaped. Templates have the filters of `templates`, and of this module "prose" and
+    "json".
+    """
     environment = templates(Path(__file__).parent, autoescape=True)
     environment.filters |= {"prose": prose, "json": _json}
     return environment.get_template(f"{name}.html").render(fields)
@@ -39,6 +45,7 @@ def html(name: str, /, **fields: Any) -> str:
 
 def prose(text: str) -> Markup:
     """Plain text as HTML: `code` between backticks, and the rest in `notation`."""
+    # Quotes may stand in text as they are. Parts at odd places stood between backticks.
     parts = re.split(r"`([^`]+)`", escape(text, quote=False))
     return Markup("").join(
         Markup(f"<code>{part}</code>" if i % 2 else notation(part)) for i, part in enumerate(parts)
@@ -46,13 +53,22 @@ def prose(text: str) -> Markup:
 
 
 def notation(text: str) -> str:
-    """Escaped text with X_y and Lx as subscripts, x^y raised, and numbers as people write them."""
+    """Escaped text with X_y and Lx as subscripts, x^y raised, and numbers as people write them.
+
+    Escaped text is what stands between tags of HTML; `test_notation` has examples. Class n of the
+    style sheet (`site.css`) keeps numbers and dates in one line.
+    """
+    # Numbers with an exponent, but not within names such as rest-5e4.
     text = re.sub(r"(?<![\w.-])([-−]?\d+(?:\.\d+)?)e([+-]?)0*(\d+)\b", _number, text)
+    # A capital has as subscript max, min, a digit, or one or two letters, perhaps with a digit:
+    # I_max, L_z0.
     text = re.sub(
         r"(?<![A-Za-z_])([A-Z])_(max|min|[a-z]{1,2}\d?|\d)(?![a-z])", r"\1<sub>\2</sub>", text
     )
     text = re.sub(r"\b\d{4}-\d\d-\d\d\b", r"<span class=n>\g<0></span>", text)
     text = re.sub(r"\bL([xyz])\b", r"L<sub>\1</sub>", text)
+    # The exponent stands in brackets, which go, or is one number or word; after a minus it may be a
+    # quotient: St^(-0.5), St^p, St^-1/2.
     return re.sub(
         r"(?<=\w)\^(?:\(([^()]*)\)|([-−]\w+(?:[/.]\d+)?|\w+(?:\.\d+)?))", r"<sup>\1\2</sup>", text
     )
@@ -61,6 +77,7 @@ def notation(text: str) -> str:
 def _number(match: re.Match[str]) -> str:
     """A number that a line does not break: 1.7e+02 as 170, 1e-06 as 1e-6."""
     mantissa, sign, exponent = match.groups()
+    # Written out if that is a whole number, and its exponent is not too large.
     digits = len(mantissa.partition(".")[2])
     if sign != "-" and digits <= int(exponent) <= _LARGEST_WRITTEN_OUT:
         return f"{float(match[0].replace('−', '-')):.0f}"
@@ -68,7 +85,10 @@ def _number(match: re.Match[str]) -> str:
 
 
 def plain(value: Any) -> Any:
-    """The value as JSON can hold it: numbers rounded to `_DATA_DIGITS`, whole ones exact, None where not finite."""
+    """The value as JSON can hold it: numbers rounded to `_DATA_DIGITS`, whole ones exact, None where not finite.
+
+    Dictionaries, lists and tuples are gone through; other values, such as text, stay.
+    """
     if isinstance(value, float):
         if not isfinite(value):
             return None
@@ -87,6 +107,9 @@ def _json(value: Any) -> Markup:
 
 
 def section(text: str, heading: str) -> str:
-    """Text below a heading of the second level, down to the next heading; empty if there is none."""
+    """Text of a Markdown page below a heading of level two, down to the next heading; empty if none.
+
+    Any line that begins with "#" counts as the next heading, even one within code.
+    """
     match = re.search(rf"^## {re.escape(heading)}\n(.*?)(?=^#|\Z)", text, re.MULTILINE | re.DOTALL)
     return match[1] if match else ""

@@ -36,8 +36,9 @@ _RUN_SECONDS = 10.0
 _QUICK_SECONDS = 0.2
 # Keys that a study may give beside a built-in scene.
 _BESIDE_BUILTIN = ("stokes", "time", "slow_time", "tags", "forms", "solvers", "max_seconds")
-# Names that a part of a study is limited to; none means all.
+# Names that a part of a study is limited to; an empty one means all.
 Filter = Iterable[str]
+# Of a study, which names its folder, or of a scene, which `--scene` selects.
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
 Stokes = Annotated[float, Field(ge=0)]
 # `stokes` may be a number or a list. The schema of the file says so; the list is made by `_AS_LIST`.
@@ -53,36 +54,44 @@ class Choice(BaseModel):
     """Choices of a study for one scene: its tags, forms and solvers if it is limited to some, and time limit."""
 
     model_config = ConfigDict(strict=True)
-    tags: list[str] = []
+    tags: list[str] = []  # the study's own words, by which `part` selects scenes
     forms: Annotated[list[str], Field(min_length=1)] | None = None
     solvers: Annotated[list[str], Field(min_length=1)] | None = None
-    max_seconds: Positive | None = None
+    max_seconds: Positive | None = None  # None: the study's
 
 
 @dataclass(frozen=True)
 class Study:
     """Every solver, by each back end and Jacobian named, on every form of every scene, from loose to tight."""
 
-    name: str
-    title: str
+    name: str  # of the file, and by default of the folder of its results
+    title: str  # heading of its page
     scenes: tuple[tuple[str, Scene], ...]  # with their names, of which several St share one
     forms: tuple[str, ...]
     solvers: tuple[str, ...]
     tolerances: tuple[float, ...]
     samples: int  # equispaced times of a run, start and end included
     max_seconds: float  # that a run may take
-    backends: tuple[Backend, ...] | None = None  # of each solver that has them; None: its first one
-    jacobians: tuple[Jacobian, ...] | None = None  # the same
+    # A solver runs with those of the back ends and Jacobians that it has; with its first one if
+    # None is given. Without any of the back ends it is left out. Without any of the Jacobians it
+    # runs with its first one: explicit solvers have none.
+    backends: tuple[Backend, ...] | None = None
+    jacobians: tuple[Jacobian, ...] | None = None
     # By name and St of a scene.
     choices: Mapping[tuple[str, float], Choice] = field(default_factory=dict)
     page: Page = "costs"
-    # Averaged equations are not tried over more slow time, t/St, than this.
+    # Averaged equations are not tried over more slow time, t/St, than this (`polhode bench`).
     longest_slow_time: float = inf
     reference_seconds: float = inf  # that a reference may take
     counted: bool = True  # whether first runs count right-hand sides, which is slow
 
     def batches(self) -> Iterator[list[Case]]:
-        """Cases in batches that are timed in interleaved order: one scene, form and tolerance, all solvers."""
+        """Cases in batches: one scene, form and tolerance, all solvers.
+
+        A batch is timed in interleaved order. Forms and solvers that do not take a scene are left
+        out. A batch is empty if no solver takes it: ``any(study.batches())`` says whether there is
+        a case at all.
+        """
         for scene_name, scene in self.scenes:
             choice = self.choice(scene_name, scene)
             for form_name in self.forms:
@@ -150,7 +159,11 @@ class Study:
         return part
 
     def quick(self) -> "Study":
-        """The study with every other tolerance and short time limits, for a look."""
+        """The study with every other tolerance and short time limits, for a look.
+
+        The first tolerance of the file stays. Scenes lose time limits of their own, which would
+        outweigh the short one.
+        """
         choices = {
             scene: choice.model_copy(update={"max_seconds": None})
             for scene, choice in self.choices.items()
@@ -161,6 +174,7 @@ class Study:
     def _compilations(self, solver_name: str) -> list[tuple[Backend | None, Jacobian | None]]:
         """Pairs of back end and Jacobian with which to run a solver; None stands for its first one."""
         solver = find_solver(solver_name)
+        # Back ends whose library is missing are not run either.
         offered = {None, *(backend for backend in solver.backends if not solver.lacks(backend))}
         jacobians: list[Jacobian | None] = [
             name for name in self.jacobians or () if name in solver.jacobians
@@ -180,6 +194,7 @@ def _known(kind: str, names: Filter, available: Iterable[str]) -> set[str]:
                 if available
                 else f"none, for the study has no {kind}s"
             )
+            # A name with a colon is a solver or form as `module:class`.
             own = f"; one of your own stands in the {kind}s of a study file" if ":" in name else ""
             raise ValueError(
                 f"{kind}: got {name!r}{hint(name, available)}, expected {expected}{own}"
@@ -190,12 +205,13 @@ def _known(kind: str, names: Filter, available: Iterable[str]) -> set[str]:
 class StudySceneTable(Choice):
     """``[[scenes]]``: a scene file's contents with a name, and one or several Stokes numbers.
 
-    ``{name = "pinch-point", builtin = true}`` stands for a built-in scene, `time` beside it for
-    another duration. A run may be limited to scenes with given tags. `forms` and `solvers` list the
-    study's that the scene is run with; `max_seconds` is a time limit of its own.
+    ``{name = "pinch-point", builtin = true}`` stands for a built-in scene, `time` or `slow_time`
+    beside it for another duration. A run may be limited to scenes with given tags. `forms` and
+    `solvers` list the study's that the scene is run with; `max_seconds` is a time limit of its own.
     """
 
-    # A built-in scene needs no stokes.
+    # A built-in scene needs no stokes. Keys that are no fields here are the scene's: `parse_scene`
+    # checks them.
     model_config = ConfigDict(extra="allow", strict=True, json_schema_extra={"required": ["name"]})
     name: Name
     stokes: StokesNumbers
@@ -213,6 +229,7 @@ class StudySceneTable(Choice):
             key: value for key, value in scene.items() if key in ("name", *_BESIDE_BUILTIN)
         }
         builtin = scene_table(named_scene(str(scene["name"])))
+        # A scene has a time or a slow time, not both.
         return {
             name: value
             for name, value in builtin.items()
@@ -292,11 +309,13 @@ def read_study(path: Path | None, default: str = "bench") -> Study:
 
 
 def parse_study(contents: dict[str, Any], folder: Path = Path()) -> Study:
-    """The study that a file's contents describe; tracks lie in a folder.
+    """The study that a file's contents describe.
 
-    Raises ValueError, in one line, if a key is wrong or nothing fits.
+    Files of tracks (docs/flows.md) that its scenes name are sought in the folder. Raises
+    ValueError, in one line, if a key is wrong or no solver takes any scene and form.
     """
     table = checked(StudyTable, contents)
+    # The table's keys are fields of `Study`; scenes and page are set below.
     settings: dict[str, Any] = {
         name: tuple(value) if isinstance(value, list) else value for name, value in table
     }

@@ -6,6 +6,7 @@ from many states of the motion, for random starts. They keep how far the printed
 corrected one, is off at most. `appendix_entries.py` has the formulas.
 
 `FirstOrder` tests `lzsfod2`, the O(1/St) oscillation of L_z that the averaged solution lacks.
+Names such as `lzsfod2` are labels of the paper's LaTeX source (docs/misprints.md).
 """
 
 from abc import abstractmethod
@@ -54,11 +55,14 @@ from polhode.models.scenes import PAPER_ELLIPSOID
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.spheroid_correction import CorrectedSpheroid
 
-# Largest deviation from brute force of a formula that holds: rounding in sums over states.
+# Largest deviation from brute force of a formula that holds: rounding in sums over states. An
+# estimate: formulas that hold are off by 8e-15 at most (reports/paper/appendix.md), wrong ones by
+# 0.5 and more.
 _ROUNDING = 1e-11
 # Smaller deviations, 0 among them, are drawn at this one: their axis is logarithmic.
 _LEAST_DRAWN = 1e-17
-# A table of as many entries or more has two columns on its figure.
+# A table of as many entries or more has two columns on its figure; the spheroid's has 8, the
+# ellipsoid's 86.
 _ONE_COLUMN = 12
 # Height of that figure in inches: of an entry, and of what stands above and below all entries.
 _ENTRY_HEIGHT = 0.165
@@ -68,7 +72,8 @@ _MARGIN_HEIGHT = 0.9
 def frame(momentum: np.ndarray) -> np.ndarray:
     """Axes aligned with L, as columns in space components, shape (3, 3): α_ij of `fodij`.
 
-    The third one is along L, and the first one in the plane of flow and gradient.
+    The third one is along L, and the first one in the plane of flow and gradient. `momentum` has
+    shape (3,), and is not along the vorticity, where the first one has no direction.
     """
     third = momentum / np.linalg.norm(momentum)
     first = np.array([third[1], -third[0], 0.0]) / np.hypot(third[0], third[1])
@@ -93,7 +98,7 @@ def ensemble(
     omega
         Angular velocity at the start, in body axes.
     nodes
-        Number of times.
+        Number of times in a period.
 
     Returns
     -------
@@ -104,6 +109,7 @@ def ensemble(
     top = TorqueFree(ellipsoid.inertia, (1.0, 0.0, 0.0, 0.0), (w1, w2, w3))
     quaternion, _ = top.at(top.period * np.arange(nodes) / nodes)
     body = matrix_from_quaternion(quaternion)
+    # The top's own start has body axes along the space axes, where L has the components I_i ω_i.
     aligned = body @ frame(np.array(ellipsoid.inertia) * omega)
     # Eight angles of precession about L. They are exact for second and third moments, which are
     # trigonometric polynomials of at most degree three in the angle.
@@ -173,7 +179,8 @@ class SpheroidAverages(_Averages):
 
         It is the largest over random directions of L, and random cones about it.
         """
-        # Any seed would do. Columns of `worst`: the printed formula, and the corrected one.
+        # Any seed would do; the numbers of starts are estimates. Columns of `worst`: the printed
+        # formula, and the corrected one.
         generator = np.random.default_rng(3)
         # Angles of precession about L: 16 are more than moments of degree two need.
         angle = 2 * pi * np.arange(16) / 16
@@ -224,7 +231,7 @@ class EllipsoidAverages(_Averages):
 
         L is random in its direction alone, as the space axes are; its size follows from ω.
         """
-        # Any seed would do.
+        # Any seed would do; the numbers of starts are estimates.
         generator = np.random.default_rng(5)
         ellipsoid = Ellipsoid(PAPER_ELLIPSOID)
         entries = ellipsoid_entries()
@@ -237,7 +244,8 @@ class EllipsoidAverages(_Averages):
             # L² and 2E, on which the mean squares z of the components along L depend.
             momentum2 = float(np.sum((ellipsoid.inertia * omega) ** 2))
             energy2 = float(np.sum(ellipsoid.inertia * omega**2))
-            # 256 times of a period leave rounding alone. t is in space axes, u in axes along L.
+            # 256 times of a period, an estimate, leave rounding alone. t is in space axes, u in
+            # axes along L.
             t = ensemble(ellipsoid, direction, omega, 256)
             u = t @ frame(direction)
             z = np.array(means(momentum2, energy2, *ellipsoid.inertia))
@@ -246,7 +254,11 @@ class EllipsoidAverages(_Averages):
         yield "", _deviations(entries, worst)
 
     def judge(self, data: Data) -> Verdict:
-        """Which entries, and which general formulas, hold as printed."""
+        """Which entries, and which general formulas, hold as printed.
+
+        The table has 81 entries, each for given components, and 5 general formulas for all
+        components of a kind.
+        """
         table = data[""]
         is_wrong = table.printed > _ROUNDING
         is_general = np.array([name.startswith("general") for name in table.entry])
@@ -307,9 +319,11 @@ _PHI = 0.6  # Rad.
 _SLOW_TIME = 0.04  # Slow time of the runs. An estimate.
 # St of the run that is shown, small enough that the oscillation is seen.
 _SHOWN_STOKES = 200.0
-# Smallest St of the fits of exponents: above it the errors follow power laws. An estimate.
+# Smallest St of the fits of exponents: above it the errors follow power laws. An estimate,
+# just below 1e3, which is one of the St computed, up to rounding.
 _FITTED_STOKES = 900.0
-# Solutions whose errors are compared, with the color and the exponent in St of each, by theory.
+# Solutions of `_first_order` whose errors are compared, with the color and the exponent in St of
+# each, by theory.
 _COMPARED = (("averaged", AVERAGED, -1), ("printed", SKY, -1), ("corrected", ORANGE, -2))
 
 
@@ -321,7 +335,7 @@ class FirstOrder(Experiment):
         """L_z in full, averaged and corrected at one St; the largest error against St.
 
         The table "errors" has the largest error along the run of each solution of `_COMPARED`, in
-        units of I_e.
+        units of I_e. The numbers of times and of St, and the range of St, are estimates.
         """
         yield "", {"t2": np.linspace(0.0, _SLOW_TIME, 401), **_first_order(_SHOWN_STOKES, 401)}
         for stokes in np.geomspace(1e2, 1e5, grid.of(13, 4)).tolist():
@@ -363,7 +377,7 @@ class FirstOrder(Experiment):
         """The gain by the correction, exponents, and the size of the corrected error."""
         first_order = Range.near(-1.0, 0.1, "theory: first order")
         second_order = Range.near(-2.0, 0.1, "theory: second order")
-        # The first two axes are equatorial: 8πY/I_e.
+        # The first two axes of `spheroid` are equatorial: 8πY/I_e.
         damping = spheroid(_KAPPA).damping[0]
         return [
             Number(
@@ -438,7 +452,7 @@ def _constant(errors: Table) -> float:
 
 
 def _first_order(stokes: float, points: int) -> dict[str, np.ndarray]:
-    """L_z/I_e by four solutions, at `points` equal slow times.
+    """L_z/I_e by four solutions, at `points` equidistant slow times, shape (points,) each.
 
     "full" and "averaged" are runs of the two forms. "printed" subtracts from the averaged one the
     oscillation as the paper prints it, at twice the angle of precession, for which it takes the
@@ -449,7 +463,8 @@ def _first_order(stokes: float, points: int) -> dict[str, np.ndarray]:
     scene = aligned_scene(spheroid(_KAPPA), stokes, _MOMENTUM, _THETA, _SLOW_TIME, _PHI)
     slow_times = np.linspace(0.0, _SLOW_TIME, points)
     averaged = averaged_run(scene, slow_times)
-    # The state is (L_x, L_y, L_z, η), over I_e, with the spin η about the axis.
+    # The state is (L_x, L_y, L_z, η), L over I_e, with the spin η, the angular velocity about the
+    # symmetry axis.
     momentum = averaged.states[:, 2]
     spin = averaged.states[:, 3]
     phase = cumulative_simpson(momentum, x=slow_times, initial=0.0)
@@ -459,6 +474,8 @@ def _first_order(stokes: float, points: int) -> dict[str, np.ndarray]:
     tilt = 1 - (shape.inertia_ratio * spin / momentum) ** 2
     amplitude = shape.equatorial_damping * shape.anisotropy * tilt / 4
     oscillation = amplitude / mean * np.sin(2 * (stokes * phase + _PHI)) / stokes
+    # 1e-13, an estimate, is below the tolerance of the other runs, and far below the smallest
+    # errors of "corrected", 1e-7.
     return {
         "full": full_run(scene, stokes * slow_times).slow[:, 2],
         "averaged": averaged.slow[:, 2],
