@@ -1,4 +1,7 @@
-"""Built-in scenes: the paper's, and hard cases for forms and solvers."""
+"""Built-in scenes: the paper's, and hard cases for forms and solvers.
+
+They stand in `scenes.toml` beside this module, whose head says what their numbers are.
+"""
 
 import tomllib
 from dataclasses import dataclass
@@ -25,11 +28,11 @@ def aligned_start(
 ) -> EulerStart:
     """Start with L = `momentum` ẑ, in units of `Ellipsoid.inertia` times the shear rate: θ = theta, φ = phi, ψ = π/2.
 
-    Angles are in rad.
+    Angles are in rad. `momentum` may be negative, as that of the flow's own rotation is.
     """
     # With ψ = π/2 the axis x' stands in the plane of z' and ẑ: φ̇₀ = L_z/I₁ and ψ̇₀ = L_z cos θ₀
-    # (1/I₃ - 1/I₁), so that θ₀ from 0 to π/2 covers all energies. The captions of the paper print
-    # these rates with ψ₀ = 0, to which I₂ belongs, and for spheroids the other sign of ψ̇₀.
+    # (1/I₃ - 1/I₁), so that θ₀ from 0 to π/2 covers all energies, from L²/2I₃ to L²/2I₁. The captions of
+    # the paper print these rates with ψ₀ = 0, to which I₂ belongs, and for spheroids the other sign of ψ̇₀.
     i1, _, i3 = ellipsoid.inertia
     return EulerStart(
         (theta, phi, pi / 2), (0.0, momentum / i1, momentum * cos(theta) * (1 / i3 - 1 / i1))
@@ -44,7 +47,11 @@ def _named(
     slow_time: float = 0.0,
     **start: Any,
 ) -> NamedScene:
-    """A scene of one table of `scenes.toml`, where a start's orientation stands before its motion."""
+    """A scene of one table of `scenes.toml`, where a start's orientation stands before its motion.
+
+    A table has either `time`, in inverse shear rates, or `slow_time`, which is time over St; `start`
+    are its other keys, those of scene files.
+    """
     kind = BodyStart if "quaternion" in start else EulerStart
     a, b, c = semi_axes
     # A start without motion, which has one field, is at rest.
@@ -54,6 +61,7 @@ def _named(
 
 
 _TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+# By name, in the order of the file.
 SCENES: dict[str, NamedScene] = {name: _named(**table) for name, table in _TABLES.items()}
 
 
@@ -65,8 +73,12 @@ def named_scene(name: str) -> Scene:
 
 
 def find_scene(word: str) -> Scene:
-    """The scene of a file if one has that name, else the built-in one; raises ValueError if there is neither."""
+    """The scene of a file if one has that name, else the built-in one; raises ValueError if there is neither.
+
+    What is wrong with a file raises as `read_scene` does.
+    """
     if exists(word) and not isdir(word):
+        # Files are checked by pydantic, which built-in scenes do not need and which takes long to import.
         from polhode.models.files.scene_file import read_scene
 
         return read_scene(Path(word))
@@ -79,10 +91,11 @@ def find_scene(word: str) -> Scene:
     )
 
 
+# Starts and shapes that the paper's items, studies and tests share.
 PAPER_START = cast(EulerStart, named_scene("paper").start)
 SPHEROID_START = cast(EulerStart, named_scene("spheroid").start)
 SADDLE_START = cast(EulerStart, named_scene("paper-saddle").start)
 NEAR_POLE_START = cast(EulerStart, named_scene("near-pole").start)
-# Semi-axes.
+# Semi-axes along x', y', z'.
 PAPER_ELLIPSOID = named_scene("paper").ellipsoid.semi_axes
 PROLATE = named_scene("spheroid").ellipsoid.semi_axes

@@ -1,6 +1,8 @@
 """Whether a run that claims success is to be believed.
 
 A *sharp* run is one at a tolerance so tight that its own error counts for nothing (`rules.SHARP`).
+`confirmed` makes a failure of a success that is doubted (`Status.FALSE_SUCCESS`).
+docs/false-successes.md counts what that finds.
 """
 
 import numpy as np
@@ -13,11 +15,12 @@ from polhode.harness.references.errors import magnitude
 from polhode.solvers.contract import SolverNotValidError
 
 # A success is false if L or E is off by more than this, over I_max, and by this share of the
-# largest of them. The first holds for slow bodies, the second for fast ones. Both are estimates: with half
-# as large ones more runs would be examined, and pay for it.
+# largest of them. The first holds for slow bodies, the second for fast ones, where it is the larger.
+# Both are estimates: with half as large ones more runs would be examined, and pay for it.
 OFF = 0.1
 OFF_SHARE = 0.01
-# Tolerances of two sharp runs, far enough apart that chaos shows.
+# Tolerances of two sharp runs, far enough apart that chaos shows: their errors differ by about a hundred
+# times, and chaos makes both as large as the motion. The ratio is an estimate.
 _SHARP = (100 * SHARP, SHARP)
 # The sharp runs agree if their distance is at most this share of the run's from the second of them;
 # runs of a chaotic motion do not agree, and say nothing. The share is an estimate: errors that are doubted
@@ -29,7 +32,18 @@ def doubt(runner: Runner, run: Run, stated: RunError) -> str:
     """Why a claimed success is none; empty if nothing speaks against it, or nothing that is sure.
 
     Only a run whose error is large or unknown is compared with two sharp runs: others pay nothing.
+    The sharp runs are of the run's own form, so that the error of averaging is not doubted, nor is the
+    orientation. Where one of them fails, nothing is sure.
+
+    Parameters
+    ----------
+    runner : Runner
+        It ran the run, and runs the sharp ones of the same scene.
+    run : Run
+    stated : RunError
+        The error that the run states.
     """
+    # First what costs nothing: `limit` below is `OFF` or more.
     if not run.success or (stated.slow and stated.slow.high <= OFF):
         return ""
     unit = max(runner.scene.ellipsoid.inertia)
@@ -38,13 +52,15 @@ def doubt(runner: Runner, run: Run, stated: RunError) -> str:
         return ""
     form = run.method.form
     method = run.method._replace(solver=full_solver(runner.scene, form))
-    # L and E of the first sharp run, shape (n, 4).
+    # L and E of the first sharp run at the n compared times, shape (n, 4).
     first_sharp: np.ndarray | None = None
+    # Of the run from a sharp one, over I_max; after the loop from the second.
     distance = 0.0
     for tolerance in _SHARP:
         try:
             sharp_run = runner.run(method, tolerance, run.limit)
         except SolverNotValidError:
+            # Where no solver is installed that takes the form, `full_solver` gives one that refuses it.
             return ""
         if not sharp_run.success:
             return ""

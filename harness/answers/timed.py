@@ -2,7 +2,9 @@
 
 Plain practice is what a careful user does: the full form by one solver, tightened tenfold until two
 runs agree to half the error. All its runs are paid, but for compilation. Scenes solved beforehand
-compile what answers need.
+compile what answers need; what an answer compiles beyond that is paid. Times are wall time in seconds,
+errors of L and E are over I_max, and those of the orientation in rad. `polhode validate --time` runs
+the study.
 """
 
 import subprocess
@@ -27,7 +29,9 @@ from polhode.models.spent import SPENT
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.solve import solve
 
-# The timed function: observables at `TIMED_ROWS` times, and the upper end of the error.
+# The timed function. It takes a scene, an error and what that is of, "slow" (L and E) or "orientation". It gives
+# observables at `TIMED_ROWS` times, None if it failed; the upper end of the stated error, None if it states none;
+# and the method, or why there is none.
 Ask = Callable[[Scene, float, str], tuple[Observables | None, float | None, str]]
 
 # Strata by the seconds of plain practice, each below its number and above the one before. The targets,
@@ -37,14 +41,15 @@ _STRATA = {"below 10 ms": 0.01, "10 to 100 ms": 0.1, "above 0.1 s": inf}
 _TARGETS = {"below 10 ms": (1.4, 3.0), "10 to 100 ms": (0.8, 1.2), "above 0.1 s": (0.3, 1.0)}
 # The targets on a machine that is busy are this multiple of those; set, not measured.
 _BUSY = 2.0
-# Rows of a solution.
+# Rows of a solution, equispaced; a choice.
 TIMED_ROWS = 201
 # How scenes are drawn: choices, so that answers of all strata occur. "Decades" are the least and the largest
 # log₁₀. Decades of the two shorter semi-axes over the longest, of St and of the error.
 _AXES = (-0.8, -0.02)
 _STOKES = (-2.0, 7.0)
 _ERRORS = (-9.0, -3.0)
-# Decades of the slow time T/St from `_SLOW_TIME_FROM` on, an St; below, the time in inverse shear rates.
+# Decades of the slow time T/St of a run of duration T, above St = `_SLOW_TIME_FROM`. Up to it the duration
+# is `_SHORT_TIME`, in inverse shear rates.
 _SLOW_TIMES = (-1.3, 0.0)
 _SLOW_TIME_FROM = 20.0
 _SHORT_TIME = 20.0
@@ -60,7 +65,8 @@ _WARM_UP = 12
 _RUNS = 8
 # Its tightest tolerance, near what rounding allows.
 _TIGHTEST = 1e-14
-# Seconds of a run after which plain practice gives up. An estimate: scenes that take longer are left out.
+# Seconds after which a run of plain practice is stopped, which then agrees with none. An estimate: scenes
+# whose runs take longer are left out.
 _SECONDS = 60.0
 
 
@@ -85,10 +91,12 @@ class Timing(NamedTuple):
 
 
 def drawn(seed: int, index: int) -> tuple[Scene, float, str, str]:
-    """A random scene, an error, what it is of, and the family of the body.
+    """A random scene, an error, what it is of, and the family of the body; the same for the same numbers.
 
-    Axes are the longest, 1, and two from 0.16 to 0.955; components of the angular velocity are normal.
-    From St = 20 on a run takes a slow time T/St of 0.05 to 1, below 20 units of the inverse shear rate.
+    Semi-axes are 1, the longest, and shorter ones from 0.16 to 0.955. Orientations are uniform;
+    components of the angular velocity, in body axes and shear rates, are standard normal. Above St = 20
+    a run takes a slow time T/St of 0.05 to 1, up to it 20 units of the inverse shear rate. Below
+    `_SLOW_FROM` half of the scenes ask for the orientation.
     """
     random = np.random.default_rng((seed, index))
     middle, short = sorted(10 ** random.uniform(*_AXES, 2), reverse=True)
@@ -117,6 +125,8 @@ def plain_practice(
     """Seconds and observables of plain practice; inf and None where it does not come to agree.
 
     The tolerances are a tenth of the error, a hundredth, and so on; the first run has none to agree with.
+    The observables are those of the tighter run, at `samples` equispaced times. The solver is implicit
+    where the scene is stiff; where it does not take the full form, nothing is run.
     """
     form = find_form(full_form(scene))
     problem = form.problem(scene)
@@ -128,6 +138,7 @@ def plain_practice(
     compiling = SPENT.seconds["compilation"]
     for k in range(1, _RUNS + 1):
         tolerance = max(_TIGHTEST, error * 10.0**-k)
+        # Each run pays for its problem, as separate calls of a solver do.
         problem = form.problem(scene)
         times = np.linspace(0.0, problem.end, samples)
         run = solve(problem, solver, tolerance, times, max_seconds=_SECONDS)
@@ -142,7 +153,11 @@ def plain_practice(
 
 
 def study(ask: Ask, seed: int, scenes: int, quiet: bool = False) -> Iterator[Timing]:
-    """Time answers and plain practice on random scenes, those that plain practice solves."""
+    """Time answers and plain practice on random scenes, those that plain practice solves.
+
+    `scenes` is their number; a bar shows the progress unless `quiet`.
+    """
+    # Numbers from `scenes` on: no timed scene is among them.
     for index in range(_WARM_UP):
         scene, error, want, _ = drawn(seed, scenes + index)
         ask(scene, error, want)
@@ -197,7 +212,10 @@ def busy(count: int) -> Iterator[None]:
 
 
 def strata(timings: Sequence[Timing], load: int = 0) -> list[Stratum]:
-    """Timings by the time that plain practice takes, measured beside `load` other processes."""
+    """Timings by the time that plain practice takes, measured beside `load` other processes.
+
+    Strata without a scene are left out.
+    """
     leeway = _BUSY if load else 1.0
     rows = []
     least = 0.0

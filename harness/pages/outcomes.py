@@ -1,6 +1,8 @@
 """The page of hard cases: who got through, who is wrong, who failed and why.
 
 A case is a scene, a St, a form and a tolerance; every solver that takes the form has one run of it.
+A study whose `page` is "outcomes" has this page, as `harness/studies/hard_cases.toml`. The error of
+a run is that of L and E, over I_max, against the exact solution of its own form.
 """
 
 from collections import Counter
@@ -29,8 +31,8 @@ from polhode.solvers.contract import Status
 _WIDELY_FROM = 0.9
 # Columns of the rows of `endings` that tell cases apart.
 _CASE = ["scene", "St", "form", "tolerance"]
-# Columns that the shared records leave out, as they do empty ones: there are thousands of records,
-# and `polhode export` writes all columns.
+# Columns that the shared records leave out, as they do empty ones: no page reads them from these
+# records, which are thousands. `polhode export` writes all columns.
 _LEFT_OUT = (
     "key",
     "errors",
@@ -46,17 +48,20 @@ INACCURATE = 1e-3
 # How a run may end: at its end, accurately, inaccurately, or with an error that no reference tells;
 # at a limit of time or steps; or with another failure.
 _KINDS = ("reached", "inaccurate", "unknown", "stopped", "failed")
+# Format of St, durations and tolerances in `outcomes.csv`: they are given, not measured, and 12 digits
+# leave out what rounding adds to a product such as slow time times St.
+_SETTING_FORMAT = "%.12g"
 
 
 def sentences(endings: Sequence[Mapping[str, Any]], stopped: str) -> list[str]:
-    """Who fails least, and how many runs ended how, from rows of `endings`; `stopped` is the time limit in words."""
+    """Who fails least, and how many runs ended how, from rows of `endings`; `stopped` is a `limit` in words."""
     runs = _runs(endings)
     counts = {"sums": Counter(runs["outcome"]), "all": len(runs), "inaccurate": INACCURATE}
     return lines_of("outcomes-sentences", **counts, **_surest(runs), stopped=stopped)
 
 
 def _runs(endings: Sequence[Mapping[str, Any]]) -> Any:
-    """The endings as a frame, with whether each got through."""
+    """Rows of `endings` as a frame, with whether each run got through in the column "passed"."""
     return pd.DataFrame(endings).assign(passed=lambda runs: runs["outcome"] == "reached")
 
 
@@ -70,7 +75,8 @@ def _surest(runs: Any) -> dict[str, Any]:
     taken = runs.groupby("solver", sort=False)["passed"].agg(["size", "sum"])
     widely = taken["size"] >= _WIDELY_FROM * taken["size"].max()
     without_a_miss = taken["size"] == taken["sum"]
-    # The solver of the fewest misses, of those that take most cases.
+    # The solver of the fewest misses, of those that take most cases; the first in the order of the
+    # records where several have as few.
     misses = (taken["size"] - taken["sum"])[widely]
     nearest = str(misses.idxmin())
     nearest_runs = runs[runs["solver"] == nearest]
@@ -100,7 +106,10 @@ def _passed_by_somebody(runs: Any) -> Any:
 
 
 def limit(table: pd.DataFrame) -> str:
-    """The time limit of the runs in words."""
+    """The time limits of the runs in words, as "1 s or 4 s"; "time" where the records have none.
+
+    It stands after "stopped at the limit of". A study that sets `max_steps` stops runs at these too.
+    """
     limits = (
         sorted(set(table["max_seconds"].dropna().astype(float))) if "max_seconds" in table else []
     )
@@ -108,12 +117,15 @@ def limit(table: pd.DataFrame) -> str:
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
-    """Write the page of a study of several scenes, and its records, into a folder and return the page's path."""
+    """Write `README.md`, `outcomes.csv` and the records of a study into a folder; return the page's path.
+
+    `command` is the command line that the page says it was made by. A checksum of the CSV file is kept.
+    """
     table = frame(records)
     outcomes = endings(table, limits(records))
     write_file(
         folder / "outcomes.csv",
-        pd.DataFrame(outcomes).to_csv(index=False, float_format="%.12g"),
+        pd.DataFrame(outcomes).to_csv(index=False, float_format=_SETTING_FORMAT),
         summed=True,
     )
     shared = (
@@ -135,6 +147,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     )
     total: Any = counts.sum(axis=1)
     percentages = (100 * counts["reached"] / total).sort_values(ascending=False, kind="stable")
+    # A row for each solver, from the largest share of runs that got through to the least.
     surest = [
         [name, total[name], f"{percentage:.0f} %", *counts.loc[name]]
         for name, percentage in percentages.items()
@@ -173,10 +186,12 @@ def limits(records: Sequence[Record]) -> dict[str, float]:
 def outcome(run: dict[Any, Any], allowed: float = INACCURATE) -> tuple[str, str]:
     """How a run ended: one of `_KINDS`, and the reason in words.
 
-    `run` is a row of `frames.frame`, `allowed` one of `limits`.
+    `run` is one of `frames.rows_of`, whose values are None where the record has none; `allowed` is
+    one of `limits`.
     """
     status = str(run["status"])
     if status != Status.REACHED_END:
+        # Records of another version may have a status that this one does not know.
         meaning = Status(status).meaning if status in set(Status) else ""
         kind = "stopped" if status in (Status.TIME_LIMIT, Status.STEP_LIMIT) else "failed"
         return kind, f"{status.replace('_', ' ')}: {run.get('message') or meaning}"
@@ -186,6 +201,7 @@ def outcome(run: dict[Any, Any], allowed: float = INACCURATE) -> tuple[str, str]
     if error is None:
         failure = run.get("reference_failed")
         return "unknown", f"reached the end, but {failure or 'there is no certified reference'}"
+    # Error of L and E, over I_max, of the form's exact solution against that of the full equations.
     model = run.get("model_slow_error") or 0.0
     off = f"; the form itself is off by {scientific(model)}" if model > 0 else ""
     kind = "reached" if error <= allowed else "inaccurate"
@@ -195,7 +211,8 @@ def outcome(run: dict[Any, Any], allowed: float = INACCURATE) -> tuple[str, str]
 def endings(table: pd.DataFrame, allowed: Mapping[str, float]) -> list[dict[str, Any]]:
     """How every run ended: scene, St, duration, tolerance, form, solver, outcome and reason.
 
-    `allowed` are the `limits` by scene. The duration, "time", is in inverse shear rates.
+    `table` is a `frames.frame` of records, `allowed` are the `limits` by scene. The duration, "time",
+    is in inverse shear rates.
     """
     outcomes = []
     for run in rows_of(table):

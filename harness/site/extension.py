@@ -1,7 +1,8 @@
 """The site's extension of Sphinx: formulas as MathML, notation, links, a search without numbers.
 
-Sphinx calls `setup`, which registers all that follows. Handlers take what the event of their name
-passes on; a handler of "doctree-read" changes the parsed document in place.
+Sphinx calls `setup`, which registers all that follows. Handlers take what Sphinx passes on with an
+event, and name what they use of it. A handler of "doctree-read" gets a page's parsed document and
+changes it in place; one of "html-page-context" gets what the template of a page is filled with.
 """
 
 import re
@@ -32,7 +33,7 @@ class ProseSearch(SearchEnglish):
     language_name = "English"
 
     def word_filter(self, word: str) -> bool:
-        """Whether the index holds the word."""
+        """Whether the index holds the word: Sphinx's rule, and no word that begins with a digit or a point."""
         return super().word_filter(word) and not re.match(r"[\d.]", word)
 
 
@@ -47,6 +48,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     # Handlers run in the order of their priorities, 500 unless told. This one runs after the theme's, which
     # makes the navigation.
     app.connect("html-page-context", _shorten_navigation, priority=900)
+    # Nothing is kept between pages, so that Sphinx may read and write several at once.
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
@@ -66,6 +68,7 @@ def _set_notation(_: Sphinx, document: nodes.document) -> None:
     """Set plain text as `notation` does: with subscripts, powers and numbers in one line."""
     for text in list(document.findall(nodes.Text)):
         parent = text.parent
+        # Code may hold its text in elements of its own.
         if isinstance(parent, _LITERAL) or isinstance(parent.parent, nodes.literal):
             continue
         # A column of numbers is as wide as its numbers, which need no mark to stay in one line.
@@ -90,14 +93,17 @@ def _set_notation(_: Sphinx, document: nodes.document) -> None:
 def _drop_links_outside(app: Sphinx, document: nodes.document) -> None:
     """Make plain text of links to files that the site does not hold, as source files.
 
-    A link to README.md leads to the opening page, which shows it.
+    A link to the repository's README.md leads to the opening page, which stands in its place. A link
+    within its page has no file, and stays.
     """
     for link in list(document.findall(pending_xref)):
-        # MyST gives links to files that it finds a domain; one without was not found.
+        # MyST gives links to files that it finds a domain; one without was not found. So a README.md that
+        # the site has, as that of a report, is not meant below.
         missing = link["reftype"] == "myst" and not link.get("refdomain")
         target = link["reftarget"].partition("#")[0]
         if missing and target.endswith("../README.md"):
             link.attributes |= {"refdomain": "doc", "reftarget": app.config.root_doc}
+            # The opening page does not have the headings of README.md.
             link["reftargetid"] = None
         elif missing and target:
             link.replace_self(nodes.inline("", link.astext()))
@@ -112,7 +118,8 @@ def _shorten_navigation(_: Sphinx, __: str, ___: str, context: dict[str, Any], _
     tree = BeautifulSoup(context["furo_navigation_tree"], "html.parser")
     for caption in tree.select("p.caption"):
         caption["aria-level"] = "2"
-    # Without them an item has no button to unfold, and the class of items that have none.
+    # Without them an item has no button to unfold, and the class of items that have none. All items with
+    # pages below them are of level 1: the navigation has two levels.
     for item in tree.select("li.has-children:not(.current)"):
         for part in item.find_all(["input", "label", "ul"], recursive=False):
             part.decompose()

@@ -2,7 +2,9 @@
 
 A clock is a unit of time in which relaxation is measured: t/St, or t/St* with an effective Stokes
 number St* = I St/(8πX) of one of the body's axes, I its moment of inertia and X its resistance. On
-the right clock all bodies relax alike. The printed rates are `fixed_points.eigenvalues`.
+the right clock all bodies relax alike. The printed rates are `fixed_points.eigenvalues`; rates are
+per unit of slow time t₂ = t/St unless another clock is named. I and X are `Ellipsoid.inertia` and
+`resistance`, without unit. Indices a and c are of a spheroid's symmetry axis, e of an axis across it.
 """
 
 from abc import abstractmethod
@@ -42,7 +44,7 @@ from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import eigenvalues
 
 # Bodies whose z' is the axis of the stable rotation: tumbling, spinning, and about the shortest
-# axis.
+# axis. The triaxial ones are examples: the paper's, a slender one, and one that is nearly oblate.
 _BODIES = tuple(
     Ellipsoid(axes)
     for axes in (
@@ -60,7 +62,7 @@ _DECAY_STOKES = 1e5
 # An estimate: small enough for linear rates, and large beside the fast oscillation of order 1/St.
 _START_OFFSET = 0.03
 # Runs from large L: |L|/I_max at the start, the direction of L in body axes, and St. Estimates: L is
-# large beside I also after two relaxation times, and has parts along and across the axis.
+# large beside I also after two relaxation times (78 and 94 I_max), and has parts along and across the axis.
 _LARGE = 800.0
 _LARGE_DIRECTION = (0.6, 0.0, 0.8)
 _LARGE_STOKES = 1e4
@@ -73,8 +75,12 @@ _WOBBLE = 3
 
 
 def displaced(body: Ellipsoid, mode: int) -> BodyStart | EulerStart:
-    """Rotation about z' along the vorticity, off in one of the four modes: L tilted to x or y, faster, or wobbling."""
+    """Rotation about z' along the vorticity, off in one of the four modes: L tilted to x or y, faster, or wobbling.
+
+    The rotation itself has the angular velocity -½ ẑ, half the vorticity. `mode` is a place in `_MODES`.
+    """
     if mode == _WOBBLE:
+        # L stays -½ I₃ ẑ, and z' is tilted away from it.
         return aligned_start(body, -body.inertia[2] / 2, _START_OFFSET)
     # z' = (sin θ sin φ, -sin θ cos φ, cos θ) is tilted to x by φ = π/2, and to y by φ = 0; ψ = 0.3
     # is any.
@@ -85,11 +91,15 @@ def displaced(body: Ellipsoid, mode: int) -> BodyStart | EulerStart:
 
 
 def amplitude(run: Run, mode: int) -> np.ndarray:
-    """Distance of a run from the fixed point in a mode, shape (n,): in a component of L, or 2EI₃ - L² of a wobble."""
+    """Distance of a run from the fixed point in a mode, shape (n,): in a component of L, or 2EI₃ - L² of a wobble.
+
+    Both are in units of `Ellipsoid.inertia` and the shear rate; only their decay counts.
+    """
     momentum = run.observables.angular_momentum
     energy = run.observables.slow[:, 3]
     inertia = run.scene.ellipsoid.inertia[2]
     if mode == _WOBBLE:
+        # It is 0 where the body turns about an axis of moment I₃, the largest, and positive elsewhere.
         return 2 * energy * inertia - np.sum(momentum**2, axis=1)
     return np.abs(momentum[:, mode] + (inertia / 2 if mode == _FASTER else 0.0))
 
@@ -102,23 +112,29 @@ def fitted_rate(slow_times: np.ndarray, values: np.ndarray) -> float:
 
 @cache
 def decay_tables(grid: Grid) -> tuple[Part, ...]:
-    """Rates of all modes of all bodies from full runs; decay of large L of a spheroid."""
+    """Rates of all modes of all bodies from full runs; decay of large L of two spheroids.
+
+    The first table, "", is that of `_rates`, "large" that of `_from_large`. Two items share them.
+    """
     return (*_rates(grid), *_from_large(grid))
 
 
 def _rates(grid: Grid) -> Computed:
     """The rate of each mode of each body, printed and measured, per slow time.
 
-    `body` and `mode` are places in `_BODIES` and `_MODES`, `clock` is St*/St of z'.
+    `body` and `mode` are places in `_BODIES` and `_MODES`, `clock` is St*/St of z'. Rates of decay are
+    negative.
     """
     for number, body in enumerate(_BODIES):
         clock = body.inertia[2] / (8 * pi * body.resistance[2])
         for mode, printed in enumerate(eigenvalues(body, 2)):
-            # A run lasts 1.5 relaxation times of the printed rate.
+            # A run lasts 1.5 relaxation times of the printed rate, an estimate: the offset is then still
+            # a fifth of what it was or more, far above the fast oscillation.
             slow_times = np.linspace(0.0, 1.5 / abs(printed), grid.of(4001, 1001))
             times = _DECAY_STOKES * slow_times
             run = full_run(Scene(body, _DECAY_STOKES, displaced(body, mode), times[-1]), times)
-            # The fourth variable of a tumbling spheroid is η, and the wobble is η².
+            # The fourth variable of a tumbling spheroid is its spin η about the symmetry axis, and the
+            # wobble goes like η². Elsewhere it is E, or η + ½ of a spinning one, in which the wobble is linear.
             share = 0.5 if mode == _WOBBLE and body.symmetry_axis == 0 else 1.0
             measured = share * fitted_rate(slow_times, amplitude(run, mode))
             rates = {"printed": printed, "measured": measured}
@@ -126,7 +142,10 @@ def _rates(grid: Grid) -> Computed:
 
 
 def _from_large(grid: Grid) -> Computed:
-    """From large L: squares of L along and across the axis, and the angle by which L has turned."""
+    """From large L: squares of L along and across the axis, and the angle in rad by which L has turned.
+
+    The spheroids are an oblate and a prolate one. L is in units of `Ellipsoid.inertia` and the shear rate.
+    """
     for kappa in (0.5, 2.0):
         body = spheroid(kappa)
         # Two relaxation times of the axis that is damped least.
@@ -148,18 +167,22 @@ def _from_large(grid: Grid) -> Computed:
 
 
 def large_decay(large: Table) -> list[float]:
-    """Decay of L² from large L along and across the axis, over the printed rate, less one."""
+    """Decay of L² from large L along and across the axis, over the printed rate, less one.
+
+    `large` is the table of `_from_large`; the four numbers are two of each spheroid.
+    """
     ratios = []
     for kappa, part in groups(large, "kappa"):
         body = spheroid(kappa)
         for name, axis in (("axial", 2), ("transverse", 0)):
+            # The printed times are I/(16πX), half of those of L itself.
             printed = -16 * pi * body.resistance[axis] / body.inertia[axis]
             ratios.append(fitted_rate(part.t2, part[name]) / printed - 1)
     return ratios
 
 
 def on_clocks(table: Table) -> tuple[np.ndarray, ...]:
-    """Relaxation rates of L_z of all bodies, shape (5,) each, on three clocks.
+    """Relaxation rates of L_z of all bodies from the table of `_rates`, shape (5,) each, on three clocks.
 
     They are per St, per St* of the longest axis, and per St* of the axis along the vorticity, which
     is the shortest.
@@ -176,7 +199,7 @@ def on_clocks(table: Table) -> tuple[np.ndarray, ...]:
 
 @dataclass(frozen=True)
 class _Decay(Experiment):
-    """Rates of approach, which two items share."""
+    """Rates of approach, which two items share: the tables of `decay_tables`."""
 
     def compute(self, grid: Grid) -> Computed:
         """Rates of all modes of all bodies; decay of large L."""
@@ -322,11 +345,11 @@ class EllipsoidClock(_Decay):
         return figure
 
 
-# The scenes of the paper's figure on the collapse.
+# The scenes of the paper's figure on the collapse (`steff`), whose captions give St*, L_z and E.
 _STOKES_STAR = 2.071  # Effective Stokes number St* = I_a St/(8πX_c) of all of them.
 _MOMENTUM = -1.0  # L_z over I_max at the start.
 _ENERGY = 0.6  # E over I_max at the start.
-_COLLAPSE_KAPPAS = (0.3, 0.5, 2.0, 3.33)
+_COLLAPSE_KAPPAS = (0.3, 0.5, 2.0, 3.33)  # Aspect ratios of the four spheroids.
 # Scaled times t/St*: after the first one the curves should have become one, and runs last to the
 # second. Estimates.
 _LATE = 6.0
@@ -337,7 +360,7 @@ _CALM = 0.01
 
 
 def collapse_start(kappa: float) -> tuple[Ellipsoid, float, BodyStart]:
-    """Spheroid, its Stokes number at the given St*, and the start with the given L_z and E."""
+    """Spheroid, its Stokes number at `_STOKES_STAR`, and the start with L along z and L_z, E as above."""
     ellipsoid = spheroid(kappa)
     shape = Spheroid.of(ellipsoid)
     largest = max(ellipsoid.inertia)
@@ -358,7 +381,8 @@ def collapse_start(kappa: float) -> tuple[Ellipsoid, float, BodyStart]:
 def frequency(run: Table) -> float:
     """Angular frequency of L_z, in units of the shear rate, from its first settled maximum to its last.
 
-    The column t2 of `run` is t/St*; settled is the second half of the time up to `_LATE` and after.
+    The column t2 of `run` is t/St*; settled is the second half of the time up to `_LATE` and after, an
+    estimate: L_z relaxes within 1 to 1.7 units of t/St*.
     """
     settled = run[run.t2 >= _LATE / 2]
     first, *between, last = maxima(settled.t2, settled.Lz)
@@ -393,6 +417,7 @@ class Collapse(Experiment):
         plain = spread(rates.t2)
         star = spread(rates.star)
         late = {kappa: rows.Lz[rows.t2 >= _LATE] for kappa, rows in groups(table, "path")}
+        # At the node, rotation about the axis of I_max, L_z is -½ I_max.
         waves = {kappa: worst(momentum + 0.5) for kappa, momentum in late.items()}
         prolate = [kappa for kappa in late if kappa > 1]
         apart = worst(late[prolate[0]] - late[prolate[1]])
