@@ -51,7 +51,13 @@ class SolvedSegment:
 
 
 class Run:
-    """A run on its way, segment by segment."""
+    """A run on its way, segment by segment.
+
+    `times` are the requested ones, shape (n,), the start's included. After `through`, the first `done`
+    of `times` and `rows` are what the run has finished, `status` and `message` say how it ended, and
+    the reading of `perf_counter` less `began` is what it took, in seconds. `solve` sets `events` and
+    `every_step` before.
+    """
 
     def __init__(
         self, problem: Problem, method: Solver, settings: Settings, times: np.ndarray
@@ -92,7 +98,8 @@ class Run:
         next_segment : callable
             Gives the first segment. A segment names in `Segment.then` what gives those behind it.
         seconds, max_steps : float and int
-            Limits of the whole run, compilation left out of the time.
+            Limits of the whole run, compilation left out of the time. A run that meets one ends with
+            the rows finished so far.
         watch : callable, optional
             Is given each segment's record before the solver is.
         """
@@ -214,7 +221,10 @@ class Run:
     def _tolerance(self, segment: Segment) -> tuple[float, float]:
         """The solver's tolerance in a segment, and its error over the one that the segment states.
 
-        The tolerance is tighter than the segment's if the solver amplifies errors by more.
+        The tolerance is tighter than the segment's by the solver's error amplification, but not tighter
+        than `ROUNDING`: there the error is larger than stated. The amplification was measured for the
+        full equations: averaged segments, those that state no error, and solvers of unknown
+        amplification run at the tolerance requested.
         """
         requested = segment.tolerance or self.settings.tolerance
         if segment.averaged or not (segment.error and self.method.error_amplification):
@@ -289,6 +299,7 @@ class Run:
 
 
 def _crash(error: Exception, solver: str) -> Outcome:
+    """The outcome of an exception: the library that is missing, or a crash with the user's line if any."""
     if library := missing_library(error):
         return Status.ADAPTER_MISSING, f"solver {solver!r}: {how_to_install(library)}"
     words = " ".join(str(error).split())
@@ -324,7 +335,7 @@ def _outcome(integrate: Integrator, record: Record, solver: str) -> Outcome:
 
 
 def _has_rates(problem: Problem, state: np.ndarray) -> bool:
-    """Whether a state and its rates are numbers; not evaluated for a field that raises errors of its own."""
+    """Whether a state and its rates are finite; also True of a field that raises an error of its own."""
     parameters = np.array((problem.mass_form or problem).parameters)
     # NumPy's operations raise nothing where a quotient or a root has no value.
     with np.errstate(all="ignore"), suppress(Exception):
@@ -333,7 +344,10 @@ def _has_rates(problem: Problem, state: np.ndarray) -> bool:
 
 
 def wrapped_start(problem: Problem) -> Problem:
-    """The problem with its angles at the start within a turn of 0: a tolerance is relative to them too."""
+    """The problem with its angles at the start within a turn of 0: a tolerance is relative to them too.
+
+    A problem of several segments makes the starts of these itself, and stays as it is.
+    """
     far = [i for i in problem.periodic if abs(problem.start[i]) > 2 * pi]
     if not far or problem.next_segment:
         return problem
@@ -344,7 +358,11 @@ def wrapped_start(problem: Problem) -> Problem:
 
 
 def wrapped(problem: Problem, times: np.ndarray) -> NextSegment:
-    """The segments of a run of one problem, between which its angles are wrapped."""
+    """The segments of a run of one problem, between which its angles are wrapped.
+
+    It is one segment if the problem has no angles. It is one, too, without parameters: no explicit
+    rates say how fast the angles grow.
+    """
     if not problem.periodic or problem.parameters is None:
         whole = Segment(problem, float(times[-1]))
         return lambda time, state, tolerance: whole
@@ -356,6 +374,7 @@ def wrapped(problem: Problem, times: np.ndarray) -> NextSegment:
         longest = _WRAP_AFTER / max(1.0, *(abs(rates[i]) for i in columns))
 
     def wrap(states: np.ndarray) -> np.ndarray:
+        # In place. The first row is the segment's start, which the run has already.
         states[1:, columns] %= 2 * pi
         return states
 

@@ -25,7 +25,7 @@ from polhode.solvers.event_search import LOOK_GROWTH, looks
 Precision = Literal["double", "long double", "quadruple"]
 
 # Places in what heyoka's propagation returns: how it ended, the number of steps, the series of all
-# steps if it is asked for, and the states on a grid.
+# steps if it is asked for, and the states at those times of a grid that it reached, the first included.
 _ENDED = 0
 _STEPS = 3
 _SERIES = 4
@@ -71,6 +71,7 @@ def _compiled(
 ) -> Any:
     """heyoka's integrator of a field, of which every thread has a copy.
 
+    `dimension` and `parameters` are the numbers of the state's components and of the parameters.
     `in_units`, `timed` and `paced`: it has the units of the state, the clock's offset and the unit
     of time as further parameters, for `Bound`; `ParameterPlaces` says where.
     """
@@ -100,10 +101,10 @@ def taylor_integrator(*key: Any) -> Any:
 
 
 def forget_integrators() -> None:
-    """Compile integrators anew in the next runs of this thread, and those that no thread has compiled.
+    """Forget compiled integrators: the next runs of this thread compile theirs anew.
 
-    Where the code lies in memory changes its speed by some per cent: a study that times it several
-    times does so over several compilations.
+    Other threads go on with the copies that they have. Where the code lies in memory changes its
+    speed by some per cent: a study that times it several times does so over several compilations.
     """
     _compiled.cache_clear()
     taylor_integrator.cache_clear()
@@ -115,9 +116,11 @@ def propagate(
     states: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
     max_step: float = np.inf,
 ) -> Outcome:
-    """Propagate a heyoka integrator from the record's start over its times, in chunks of the same steps.
+    """Propagate a heyoka integrator over the record's times, in chunks, which change none of its steps.
 
+    The caller has set its state, time and parameters to the record's start.
     ``states(rows, times)`` are the states that its rows mean, if these are not the rows themselves.
+    `max_step` is the largest step, in the integrator's time.
     """
     outcome = load_heyoka().taylor_outcome
     number = integrator.state.dtype
@@ -136,7 +139,7 @@ def propagate(
         rows = result[_STATES][1:]
         if states is not None:
             rows = states(rows, grid[1:])
-        # Rows go in order of time: after the first that is not finite none is.
+        # Rows go in order of time: those behind one that is not finite are not finite either.
         record.put(rows if reason != outcome.err_nf_state else rows[np.isfinite(rows).all(axis=1)])
         if reason == outcome.time_limit or record.filled == len(record.times):
             return Status.REACHED_END, ""
@@ -200,7 +203,9 @@ class Bound:
     """A problem bound to heyoka's integrator, components in units of their own where tolerances ask for that.
 
     heyoka's tolerance is relative to the largest component, and absolute below one: in units of
-    atol / rtol it is the requested one. Units are powers of two, by which nothing is rounded.
+    atol / rtol it is the requested one. `units` has them, shape () or (d,); each becomes the nearest
+    power of two, by which no state is rounded, so that atol is met within a factor of √2.
+    `tolerance` is heyoka's, and `max_step` the largest step in the problem's time.
 
     `timed` says that the last component of the problem's state is the time; the integrator has it
     as its own time plus `offset`. `paced` lets the integrator's time have a unit, `pace`.
@@ -280,7 +285,10 @@ class Bound:
 def _own_units(
     problem: Problem, state: np.ndarray, units: np.ndarray, most: float
 ) -> tuple[float, float]:
-    """The state's size in its units, and the time in which it changes by that size, `most` at most: powers of two."""
+    """The state's size in its units, and the time in which it changes by that size, `most` at most: powers of two.
+
+    A state of zeros has the size 1.
+    """
     variables = len(units)
     size = float(np.max(np.abs(state[:variables] / units))) or 1.0
     # Where rates overflow there is no unit of time to be had from them: the most is taken, and the run
@@ -300,10 +308,11 @@ def propagate_paced(problem: Problem, bound: Bound, record: Record) -> Outcome:
     """Go on from the last row filled, in units of state and time that follow the run.
 
     The n-th coefficient of a Taylor series is about the state times the n-th power of its rate. At
-    n = 20 it leaves the range of double precision where rates are very large or small. In units of
-    the state's own size and of the time in which it changes, none does. Each chunk of
-    steps has its units. The tolerance is relative where the state is below its units: an absolute
-    one would let a step leave the series' radius there.
+    n = 20, the order at the tightest tolerances of double precision, it leaves the range of that
+    precision where rates are very large or small. In units of the state's own size and of the time
+    in which it changes, none does. Each chunk of steps has its units. The tolerance is relative
+    where the state is below its units: an absolute one would let a step leave the series' radius
+    there.
     """
     outcome = load_heyoka().taylor_outcome
     integrator = bound.integrator

@@ -13,8 +13,8 @@ from polhode.models.registry import hint, near
 
 Made = TypeVar("Made")
 Model = TypeVar("Model", bound=BaseModel)
-# Most bytes of a file. An estimate: a track of 20,000 gradients, of some 200 bytes each, fits in. A
-# larger file is none that somebody wrote, and might never end.
+# Most bytes of a file. An estimate: a track of 20,000 gradients, of some 200 bytes each, fits in; a
+# longer one is refused. A larger file is none that somebody wrote, and might never end.
 _MAX_BYTES = 4_000_000
 
 
@@ -60,6 +60,7 @@ def _first_complaint(error: ValidationError, model: type[BaseModel]) -> str:
         key=lambda complaint: complaint["type"] != "extra_forbidden",
     )
     first = complaints[0]
+    # A complaint of a validator about the whole model has no place.
     *above, last = first["loc"] or ("",)
     where = "".join(
         f"[{part}]" if isinstance(part, int) else f".{part}" for part in (*above, last)
@@ -79,6 +80,7 @@ def _first_complaint(error: ValidationError, model: type[BaseModel]) -> str:
         ]
         text = f"{where}: unknown key, expected one of {', '.join(keys)}{_advice(model, above, str(last), keys)}"
     elif expected.startswith("got "):
+        # A message of our own validators, which says already what was got.
         text = f"{where}: {expected}" if where else expected
     else:
         text = f"{where}: got {reprlib.repr(first['input'])}, {_in_our_words(expected)}"
@@ -103,7 +105,9 @@ def _advice(model: type[BaseModel], above: list[int | str], key: str, keys: list
 
 
 def _keys(model: Any, path: list[int | str]) -> list[str]:
-    """Keys that the table at a path inside a model may have."""
+    """Keys that the table at a path, of keys and places in lists, inside a model may have."""
+    # A field of several tables, or one that may be absent, has its model as the first argument of its
+    # type: of list[Model], Model | None, and of both.
     for part in path:
         if isinstance(part, str):
             model = model.model_fields[part].annotation
@@ -118,6 +122,7 @@ _OUR_WORDS = tomllib.loads(Path(__file__).with_name("our_words.toml").read_text(
 
 def _in_our_words(message: str) -> str:
     """A message of pydantic's by the beginnings that `our_words.toml` translates; others as they are."""
+    # Whoever wrote the file knows nothing of validation and of Python's classes.
     message = message.replace(" after validation", "").split(" or instance of")[0]
     translated = (
         ours + message.removeprefix(theirs)

@@ -6,7 +6,9 @@ A pose is an orientation of the flow in the frame of L and a size of L.
 
 S_n and W_n are the flow's rate of strain and its rotation, applied to n; e_x and e_y are the
 directions of the flow and of its gradient. With l = |L|, n = L/l, S_n = ½(e_x n_y + e_y n_x) and
-W_n = ½(e_x n_y - e_y n_x), ⊥ marks the part across n; s₀ = n_x n_y and w₀ = n_z/2. Rates of first order:
+W_n = ½(e_x n_y - e_y n_x), ⊥ marks the part across n; s₀ = n_x n_y and w₀ = n_z/2. L is in units of
+`Ellipsoid.inertia` times the shear rate, y the variable of `polhodes.py` for h = 2E/L². All rates are in
+slow time t/St. Rates of first order:
 
 - of l: l f₀ + f₂w₀;
 - of y: g₀ + g₂w₀/l;
@@ -32,13 +34,15 @@ from polhode.models.second_order.torus import Torus, over_phases, times, turning
 
 Array = np.ndarray
 
-# Number of polhode phases times ln(1/nome) that resolves second-order averages to 1e-9: Fourier
-# coefficients of a polhode fall like powers of the nome of its elliptic functions.
+# Number of polhode phases times ln(1/nome) that resolves second-order averages to 1e-9: the k-th Fourier
+# coefficient of a polhode is about nome^(k/2), nome that of its elliptic functions. At the last one that
+# n phases tell, k = n/2, this is e^(-90/4) = 2e-10.
 _PHASES = 90.0
 # Least number of phases of a polhode. An estimate: fewer cost accuracy near a principal axis, which
 # tests/models/second_order/test_triaxial.py checks; more cost time.
 _LEAST_PHASES = 24
-# Numbers of phases differ by multiples of this, so that many polhodes share one.
+# Numbers of phases differ by multiples of this, so that many polhodes share one. An estimate; it is
+# even, as numbers of phases are.
 _STEP_OF_PHASES = 8
 # Rotations, shape (2, 3, 3), whose first two rows are the flow's x and y in the frame of L: several
 # orientations separate the parts of a rate. No entry is 0: neither s₀ nor w₀ vanishes.
@@ -56,9 +60,13 @@ MODES = 24
 def averages(side: SidedBody, y: Array) -> tuple[dict[str, Array], float, Array]:
     """Coefficients by name, at y, each shape (m,), the largest relative residual, and strengths.
 
-    The last are the strengths of modes in L', shape (m, k₁, k₂, 3), the largest of several
-    orientations of L. Their last index stands for the strength at l = 0, its gain per l, and the
-    strength of all modes at l = 1.
+    The names are `COEFFICIENTS`: the functions of this module's head, then ν₁ and ν₂. The residual is
+    what the coefficients leave of the averages in all poses, over the largest average of that order:
+    rounding, and what too few phases cost.
+
+    The last are the strengths of modes in L', shape (m, MODES, 3, 3), the largest of several
+    orientations of L; the indices are -k₁ - 1, k₂ - 1, and one for the strength at l = 0, its gain per
+    l, and the largest amplitude at l = 1 of all modes and the mean.
     """
     counts = phases(side, y)
     poses = len(_SIZES)
@@ -81,10 +89,14 @@ def averages(side: SidedBody, y: Array) -> tuple[dict[str, Array], float, Array]
 
 
 def phases(side: SidedBody, y: Array) -> Array:
-    """Numbers of phases that resolve polhodes; many polhodes share one and are averaged at once."""
+    """Numbers of phases that resolve polhodes, shape (m,): whole and even.
+
+    Many polhodes share one and are averaged at once.
+    """
     with IMPORTS:
         from scipy.special import ellipk, ellipkm1
 
+    # ln(1/nome) is π times the quotient of the quarter periods of 1 - m and of m. Moduli need no phases.
     _, _, complement = Polhodes(side, y, np.zeros_like(y), 2).moduli
     needed = _PHASES * ellipkm1(complement) / (np.pi * ellipk(complement))
     return _LEAST_PHASES + _STEP_OF_PHASES * np.ceil(
@@ -204,8 +216,8 @@ def _change_of_h_rate(torus: Torus, dm: Triple, changed: Triple) -> Array:
 def fitted(parts: Iterable[tuple[Sequence[Array], Array]]) -> tuple[list[Array], float]:
     """Real factors by which the columns of every part give its values, and the largest misfit.
 
-    The misfit is over the largest value.
-    Values have shape (..., m) where the arrays have (...); factors have shape (m,).
+    A part is its columns and its values. The misfit is over the largest value of all parts.
+    Values have shape (..., m) where the columns have (...); factors have shape (m,).
     """
     factors = list[Array]()
     misfit = 0.0

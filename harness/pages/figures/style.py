@@ -34,19 +34,19 @@ DPI = 150  # Pixels in an inch of a saved figure.
 WIDTH = 838 / DPI  # Inches.
 LETTERS = 9.5  # Points: all words and numbers.
 TITLE = 10.5  # Points: the title of a panel.
-INK = "#1B222C"
+INK = "#1B222C"  # Words and axes.
 SOFT = "#4A5361"  # Captions.
-_GRID = "#D9DEE5"
+_GRID = "#D9DEE5"  # Lines of a panel's grid.
 GREY = "#C4C4C4"  # What is not known.
 BEHIND = "#BDBDBD"  # What is shown, and not named.
-# A caption: points of its letters; inches of a line; letters that a line holds at that size; inches below
-# the text, at its left, and above and below together.
-_CAPTION_SIZE = 9
-_CAPTION_LINE = 0.175
-_CAPTION_LETTERS = 82
-_CAPTION_BELOW = 0.04
-_CAPTION_LEFT = 0.06
-_CAPTION_MARGIN = 0.08
+# The caption of a figure.
+_CAPTION_SIZE = 9  # Points: its letters.
+_CAPTION_SPACING = 1.25  # From line to line, over Matplotlib's height of a line.
+_CAPTION_LINE = 0.175  # Inches: the room for a line.
+_CAPTION_LETTERS = 82  # In a line at most: so many fit into the width at that size.
+_CAPTION_BELOW = 0.04  # Inches below the text.
+_CAPTION_LEFT = 0.06  # Inches at its left.
+_CAPTION_MARGIN = 0.08  # Inches above and below it together.
 # Matplotlib's settings for all figures.
 RC: dict[Any, Any] = {
     "font.size": LETTERS,
@@ -69,19 +69,20 @@ RC: dict[Any, Any] = {
     "grid.linewidth": 0.6,
     "axes.axisbelow": True,
 }
-# By solver and averaged form: a colour on white, one on a dark ground, and a marker of Matplotlib.
+# By solver and averaged form: a colour on white, one on a dark ground, and a marker of Matplotlib: a
+# letter, or corners, style (0 a polygon, 1 a star) and turn in degrees.
 LOOKS: dict[str, tuple[str, str, Any]] = {
     name: (light, dark, tuple(marker) if isinstance(marker, list) else marker)
     for name, (light, dark, marker) in tomllib.loads(
         Path(__file__).with_name("looks.toml").read_text("utf-8")
     ).items()
 }
-# Solvers and forms without a look of their own share a colour, and take these markers in turn. Some
-# are outside the catalogue.
+# Solvers and forms without a look of their own, such as those of plug-ins, share a colour (on white, on
+# a dark ground), and take these markers in turn.
 OTHER = ("#6B3F1D", "#C8A27E")
 _OTHER_MARKERS = ("X", (5, 1, 180), (3, 1, 0), (7, 1, 0))
 # Series that are neither solvers nor ordered numbers, with INK as the first one: any two differ by 10
-# or more in CIEDE2000 for all eyes, with a contrast of 3 or more on white.
+# or more in CIEDE2000 for all eyes, with a contrast of 3 or more on white, which test_style.py checks.
 BLUE = "#204E8B"
 ORANGE = "#B08903"
 GREEN = "#0E7444"
@@ -116,12 +117,12 @@ class Look:
 
     @property
     def outline(self) -> str:
-        """The marker as an SVG path, y downwards, of about unit size."""
+        """The marker as an SVG path, y downwards, in coordinates from about -1 to 1."""
         style = MarkerStyle(self.marker)
         path = style.get_path().transformed(style.get_transform())
         parts = []
         for values, code in path.iter_segments():
-            # Markers reach from -0.5 to 0.5, y upwards.
+            # Matplotlib's reach from about -0.5 to 0.5, y upwards.
             points = " ".join(f"{value:.2f}" for value in (values.reshape(-1, 2) * (2, -2)).ravel())
             # Codes of Matplotlib's paths: 1 moves, 2 draws a line, 4 a cubic curve, others close the path.
             parts.append({1: f"M{points}", 2: f"L{points}", 4: f"C{points}"}.get(int(code), "Z"))
@@ -181,7 +182,10 @@ def power(value: float) -> str:
 
 
 def panels(rows: int, columns: int, height: float, **options: Any) -> tuple[Figure, np.ndarray]:
-    """A figure of the width of a page, `height` inches high, and its panels, shape (rows, columns)."""
+    """A figure of the width of a page, `height` inches high, and its panels, shape (rows, columns).
+
+    `options` are those of `pyplot.subplots`.
+    """
     options = {"layout": "constrained", **options}
     with plt.rc_context(RC):
         figure, grid = plt.subplots(
@@ -268,7 +272,7 @@ def caption(figure: Figure, text: str) -> None:
         fontsize=_CAPTION_SIZE,
         color=SOFT,
         va="bottom",
-        linespacing=1.25,
+        linespacing=_CAPTION_SPACING,
     )
 
 
@@ -293,7 +297,8 @@ def measured(lines: Sequence[str]) -> str:
 def repeats_vary(seconds: Any, spreads: Any) -> str:
     """By how much the repeats of runs differ, as figures of times say it; nothing where no run kept it.
 
-    `spreads` are the longest times of the runs minus the shortest, and `seconds` the shortest.
+    `spreads` are the longest times of the runs minus the shortest, and `seconds` the shortest: columns
+    of a pandas table, one entry for each run.
     """
     shares: Any = (spreads.astype(float) / seconds.astype(float)).replace(inf, nan).dropna()
     return f"vary by {percent(float(shares.median()))} in the median" if len(shares) else ""
@@ -319,6 +324,7 @@ def few_colours(image: Image.Image, colours: int = _MAX_COLOURS) -> Image.Image:
             near = grey & (distance < _GREY_STEP)
         else:
             near = ~grey & (distance < _LEAST_DIFFERENCE)
+        # The colour chosen leaves too.
         near[0] = True
         left = left[~near]
     palette = np.array(chosen)

@@ -36,10 +36,11 @@ from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import fixed_points
 
 # Share, as of `energy_at`, of starts on the upper parabola: rounding must not carry them out of the
-# plane.
+# plane. An estimate: hundreds of roundings of E.
 _INSIDE = 1 - 1e-13
 # L_z/I_max and θ₀, in rad, of the starts of the planes: on both sides of the pinch point, and beyond
-# the fixed points of L_z < 0, the farthest of which is at -0.5. The values are estimates.
+# the fixed points of L_z < 0, the farthest of which is at -0.5. θ₀ sets E between its bounds. The
+# values are estimates.
 _STARTS = tuple(product((-0.7, 0.7), (0.4, 0.9, 1.4)))
 # Of a share of starts that reach the node.
 REACHES_NODE = Range(1.0, 1.0, "the claim: all of them")
@@ -54,11 +55,11 @@ def plane_tables(
 ) -> Computed:
     """Slow trajectories from L_z/I_max and shares as of `energy_at`, and where they end.
 
-    Each has `points` rows up to a slow time of 1, some 25 relaxation times or more, and is thinned to
-    those whose indices `chosen` gives from the slow variables, shape (n, 4). One on the upper
-    parabola, share 1, is followed up to the slow time `on_edge`: later, rounding carries it off. The
-    table "ends" has the `distance` of each end from the node, the slow time of the `end`, and for
-    L_z > 0 its `bound`.
+    Each has `points` rows up to a slow time of 1, some 25 relaxation times I/(8πX) or more, and is
+    thinned to those whose indices `chosen` gives from the slow variables, shape (n, 4). One on the
+    upper parabola, share 1, is followed up to the slow time `on_edge`: later, rounding carries it
+    off. The table "ends" has the `distance` of each end from the node, the slow time of the `end`,
+    and for L_z > 0 its `bound`.
     """
     slow_times = graded(1.0, points)
     for number, (momentum, share) in enumerate(starts):
@@ -68,7 +69,8 @@ def plane_tables(
         index = chosen(run.slow)
         yield "", path(number, run.times[index], run.slow[index], ("Lz", "E"))
         last = planes.distance_from_node(body, run.slow[-1])
-        # By L_z/(4π min X) a trajectory with L_z > 0 has reached the pinch point.
+        # The flow's vorticity drives the body to -½ about z, and its strain has no mean torque along z.
+        # While L_z > 0 it falls by 4π min X or more per slow time, and is 0 by L_z/(4π min X).
         bound = momentum * max(body.inertia) / (4 * np.pi * min(body.resistance))
         ends = {"distance": last, "end": end, "bound": bound}
         yield "ends", {"path": number, "Lz0": momentum, "share": share, **ends}
@@ -102,13 +104,15 @@ class PlanesOfBodies(Experiment):
         for (name, body), (number, (momentum, theta)) in product(
             self.bodies.items(), enumerate(_STARTS)
         ):
-            # Eight relaxation times of the slowest rotation.
+            # Eight relaxation times of the slowest rotation, by estimate: e⁻⁸ of it is left.
             slow_times = graded(8.0 / min(body.damping), 4 * (points - 1) + 1)
+            # Of this scene the start alone is used: St and slow time do not matter.
             aligned = planes.aligned_scene(body, 1.0, momentum, theta, 1.0)
             energy = float(aligned.initial.slow[0, 3] / max(body.inertia))
             averaged = planes.plane_path(body, momentum, energy, slow_times).slow
             before = averaged[:, 2] < 0 if momentum < 0 else averaged[:, 2] > planes.ABOVE_PINCH
             labels = {"body": name, "path": number}
+            # Every fourth row is one of the `points`.
             yield "", {**labels, "stokes": np.inf, "Lz": averaged[::4, 2], "E": averaged[::4, 3]}
             for stokes in PLANE_STOKES:
                 scene = planes.aligned_scene(body, stokes, momentum, theta, float(slow_times[-1]))
@@ -155,6 +159,7 @@ class PlanesOfBodies(Experiment):
         slow = table[np.isinf(table.stokes)]
         figure, axes = panels(2, 2, 2.1)
         for panel, stokes in zip(axes[:2], PLANE_STOKES, strict=True):
+            # Somewhat beyond the starts at ±0.7.
             plane_drawing.draw_frame(panel, body, -0.8, 0.8)
             full = table[table.stokes == stokes]
             style: dict[str, Any] = {"linewidth": 0.9}
