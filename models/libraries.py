@@ -1,4 +1,7 @@
-"""Libraries that polhode works without: whether one is installed, its version, and a line on how to install it."""
+"""Libraries that polhode works without: whether one is installed, its version, and a line on how to install it.
+
+A library is given by the name that it is imported by, but for `version_of`, which takes pip's name.
+"""
 
 import sys
 from functools import cache
@@ -8,7 +11,9 @@ from threading import RLock
 # Held while a library is imported that others import too. The parts of SciPy import each other, and two
 # threads that begin with different parts may wait for each other's, which Python ends with an error.
 IMPORTS = RLock()
-# Names for pip of libraries that are imported by another name.
+# What pip is told to install, where that is not the library's import name: the package's own name, or the
+# extra of polhode (`pyproject.toml`) that brings the library. Extras are quoted, as shells read brackets;
+# `how_to_install` knows them by the quotes.
 _PACKAGES = {
     "CyRK": "cyrk",
     "PIL": "'polhode[figures]'",
@@ -22,7 +27,9 @@ _PACKAGES = {
     "sphinx": "'polhode[site]'",
     "xarray": "'polhode[data]'",
 }
-# Libraries whose absence is told in a line: what pip installs with polhode, and its extras.
+# Libraries whose absence is told in a line: those of solvers, tables and extras. The others that pip installs
+# (click, Jinja2, NumPy, pydantic, tqdm, Beautiful Soup) are not among them: no part of polhode is made to run
+# without these.
 KNOWN_LIBRARIES = frozenset({*_PACKAGES, "heyoka", "llvmlite", "numba", "pandas", "scipy"})
 
 
@@ -32,7 +39,12 @@ class MissingLibraryError(ImportError):
 
 @cache
 def installed(library: str) -> bool:
-    """Whether a library can be imported; "scipy.special" is a part of one."""
+    """Whether a library can be imported; "scipy.special" is a part of one.
+
+    It is looked for once, so that what is installed later counts in the next process. The search imports
+    nothing but the whole that a part belongs to.
+    """
+    # A library that is loaded needs no search, which reads folders.
     if sys.modules.get(library) is not None:
         return True
     try:
@@ -50,14 +62,20 @@ def how_to_install(library: str) -> str:
 
 
 def need(purpose: str, *libraries: str) -> None:
-    """Raise MissingLibraryError if one of the libraries is missing that something is done with."""
+    """Raise MissingLibraryError for the first of the libraries that is missing; `purpose` is what needs them.
+
+    The purpose, such as a command's name, begins the message.
+    """
     for library in libraries:
         if not installed(library):
             raise MissingLibraryError(f"{purpose}: {how_to_install(library)}", name=library)
 
 
 def missing_library(error: BaseException) -> str | None:
-    """The library whose absence an exception tells, the cause of another one too; None if it tells none."""
+    """The library whose absence an exception tells, the cause of another one too; None if it tells none.
+
+    Only `KNOWN_LIBRARIES` are told. A library that is installed but cannot be imported is not absent.
+    """
     cause: BaseException | None = error
     while cause is not None:
         library = (cause.name or "").partition(".")[0] if isinstance(cause, ImportError) else ""
@@ -69,7 +87,7 @@ def missing_library(error: BaseException) -> str | None:
 
 @cache
 def version_of(package: str) -> str | None:
-    """Version of an installed package; None if it is not installed."""
+    """Version of an installed package, by its name for pip; None if it is not installed."""
     from importlib.metadata import PackageNotFoundError, version
 
     try:

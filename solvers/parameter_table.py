@@ -14,13 +14,16 @@ from polhode.models.problem import ParameterTable, Problem
 from polhode.solvers.contract import Integrator, Outcome, Record, Status
 
 # A change closer to a requested time than this share of the run counts as at that time: no step
-# fits between the two. It is thousands of roundings of a time, by estimate, as in
-# `solvers.segments`.
+# fits between the two. It is thousands of roundings of a time in double precision, 1e-16 each, by
+# estimate, as in `solvers.segments`.
 _CLOSE = 1e-12
 
 
 def with_parameter_table(integrate: Integrator, problem: Problem) -> Integrator:
-    """An integrator of whole runs, from one of single intervals that takes the parameters of its record."""
+    """An integrator of whole runs, from one of single intervals that takes the parameters of its record.
+
+    `integrate` reads them from `Record.changed`. The problem must have a `parameter_table`.
+    """
     table = problem.parameter_table
     assert table is not None, "parameters that change"
     return lambda record: _through(integrate, table, record)
@@ -30,16 +33,20 @@ def with_parameter_table(integrate: Integrator, problem: Problem) -> Integrator:
 class _Cut:
     """The n intervals of a record, in the order in which they are run."""
 
-    ends: np.ndarray  # shape (n,), times of the record
-    rows: list[int]  # number of the record's rows up to each end, that end included
-    values: np.ndarray  # shape (n, k), parameters
+    ends: np.ndarray  # shape (n,), on the record's clock; the last one is the record's last time
+    # Number of the record's rows, its start among them, up to each end, that end included.
+    rows: list[int]
+    values: np.ndarray  # shape (n, k), the last k parameters of the field in each interval
     # The last component of a state less the record's time. The table's times are those of the
     # state; a record may begin at any time.
     offset: float = field(default=0.0)
 
 
 def _cut(table: ParameterTable, record: Record) -> _Cut:
-    """The intervals of a record, in the direction of its times, which may go back."""
+    """The intervals of a record, in the direction of its times, which may go back.
+
+    The last component of the record's start is the table's time at the record's first time.
+    """
     times = record.times
     begin = float(times[0])
     end = float(times[-1])
@@ -75,7 +82,11 @@ def _cut(table: ParameterTable, record: Record) -> _Cut:
 
 
 def _through(integrate: Integrator, table: ParameterTable, record: Record) -> Outcome:
-    """Fill a record's rows, interval by interval."""
+    """Fill a record's rows, interval by interval; the outcome is that of the last interval begun.
+
+    It is a failure of this function's own where the limit of steps or time is reached at a change,
+    where the library stops short of an end and claims success, and where a state is not finite.
+    """
     cut = _cut(table, record)
     now = float(record.times[0])
     # Most intervals have no row, only their start and end: these share one array.
@@ -84,6 +95,7 @@ def _through(integrate: Integrator, table: ParameterTable, record: Record) -> Ou
     status = Status.REACHED_END
     message = ""
     for end, upto, values in zip(cut.ends.tolist(), cut.rows, cut.values, strict=True):
+        # The last interval may have reached a limit just at its end: then no further one is begun.
         goes_on = record.inner is not None
         if goes_on and (stopped := record.stopped):
             return stopped
@@ -109,7 +121,8 @@ def _through(integrate: Integrator, table: ParameterTable, record: Record) -> Ou
         try:
             status, message = integrate(interval)
         finally:
-            # Work and rows are taken over here, so that Ctrl-C keeps what is finished.
+            # Work and rows are taken over here, so that Ctrl-C keeps what is finished. The interval's
+            # own start, and its end if no row was requested there, are no rows of the record.
             if goes_on:
                 record.work.add(interval.work)
             else:

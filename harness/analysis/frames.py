@@ -1,7 +1,8 @@
 """Records as pandas frames.
 
 A record is what the store holds of a run, as nested dictionaries (`polhode.harness.studies.case`).
-A frame has a row for each record, and a column for each value, named by its keys with dots between.
+A frame has a row for each record, and a column for each value, named by its keys with dots between. Values
+that a record lacks are missing (`pandas.NA`), and lists are left as they are.
 """
 
 from collections.abc import Collection, Iterable, Sequence
@@ -15,31 +16,32 @@ import pandas as pd
 from polhode.harness.common.files import write_file
 from polhode.harness.common.store import Record
 
-# Columns of `runs.csv`, in its order: what a reader of its page looks for.
+# Columns of `runs.csv`, in its order: what a reader of its page looks for. Errors are the largest along the run;
+# those of L and E are over I_max, those of the orientation in rad.
 RUN_COLUMNS = [
     "scene_name",
     "stokes",
     "form",
     "solver",
     "tolerance",
-    "status",
-    "slow_error",
-    "orientation_error",
-    "model_slow_error",
-    "slow_uncertainty",
-    "orientation_uncertainty",
-    "seconds",
-    "seconds_spread",
+    "status",  # value of `polhode.solvers.contract.Status`
+    "slow_error",  # of L and E, against the full equations
+    "orientation_error",  # against the full equations
+    "model_slow_error",  # of L and E, of the form's exact solution; 0 for a full form
+    "slow_uncertainty",  # of the reference's L and E
+    "orientation_uncertainty",  # of the reference's orientation
+    "seconds",  # of the fastest warm run
+    "seconds_spread",  # of the slowest one, less the fastest one's
     "work.rhs_calls",
     "work.steps",
-    "sentinel_seconds",
+    "sentinel_seconds",  # of a fixed piece of arithmetic beside the runs (`polhode.harness.common.timing`)
     "date",
-    "scene.time",
+    "scene.time",  # in inverse shear rates
     "scene.shape.semi_axes",
 ]
 # The column that frames call "stokes", since nearly all that is done with them asks for it.
 _STOKES = "scene.stokes"
-# Columns that every record of a run of a scene has.
+# Columns that every record of a run of a scene has; `of_runs` refuses records without them.
 NEEDED = ("scene_name", "stokes", "form", "solver", "tolerance", "status")
 # Columns that a failed run lacks. Frames have them, empty, even where every run failed.
 _OF_SUCCESSES = (
@@ -49,7 +51,7 @@ _OF_SUCCESSES = (
     "orientation_uncertainty",
     "seconds",
 )
-# Digits of numbers in `runs.csv`: times and errors are known to fewer.
+# Seven significant digits of numbers in `runs.csv`: times and errors are known to fewer.
 _CSV_NUMBER = "%.7g"
 # pandas before 3 reads a number to its last bit only if it is told to. Later ones warn of being
 # told.
@@ -63,9 +65,10 @@ def read_csv(source: Any, **options: Any) -> pd.DataFrame:
 
 
 def frame(records: Iterable[Record], columns: Collection[str] = ()) -> pd.DataFrame:
-    """Records as a frame, one row each.
+    """Records as a frame, one row each, with pandas' nullable types.
 
-    With `columns` the frame has only these, as far as records have them, and takes less memory.
+    With `columns` the frame has only these, as far as records have them, and takes less memory. Columns of
+    `_OF_SUCCESSES` are there even if no record has them.
     """
     if columns:
         records = (_picked(record, columns) for record in records)
@@ -80,7 +83,7 @@ def frame(records: Iterable[Record], columns: Collection[str] = ()) -> pd.DataFr
 
 
 def of_runs(table: pd.DataFrame, path: Path) -> pd.DataFrame:
-    """The frame of a file's records; ValueError if there are none, or some of another kind."""
+    """The frame of a file's records, as it is; ValueError if there are none, or some of another kind."""
     if not len(table):
         raise ValueError(f"{path}: got no records, expected at least one")
     complete = table.dropna(axis="columns").columns
@@ -93,12 +96,15 @@ def of_runs(table: pd.DataFrame, path: Path) -> pd.DataFrame:
 
 
 def frame_of(kind: type, rows: Sequence[Any]) -> Any:
-    """Rows of a dataclass as a frame, which has their columns where there are none."""
+    """Rows, objects of the dataclass `kind`, as a frame; it has the columns even if there are no rows."""
     return pd.DataFrame(rows, columns=pd.Index([field.name for field in fields(kind)]))
 
 
 def _picked(record: Record, columns: Collection[str]) -> Record:
-    """The values of a record that go into these columns, by their keys with dots between."""
+    """The values of a record that go into these columns, by their keys with dots between.
+
+    `pandas.json_normalize` leaves such keys as they are.
+    """
     picked = {}
     for name in columns:
         path = _STOKES if name == "stokes" else name
@@ -111,7 +117,7 @@ def _picked(record: Record, columns: Collection[str]) -> Record:
 
 
 def where(table: pd.DataFrame, condition: Any) -> pd.DataFrame:
-    """Rows of a frame that meet a condition on its columns."""
+    """Rows of a frame that meet a condition on its columns; type checkers take them for a frame too."""
     return cast("pd.DataFrame", table.loc[condition])
 
 
@@ -133,10 +139,11 @@ def by_scene(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
 
 def by_stokes(table: pd.DataFrame) -> list[tuple[float, pd.DataFrame]]:
     """Each St, in growing order, and its rows."""
+    # To type checkers a group's key may be anything; by way of its digits it is a float, unchanged.
     return [(float(str(stokes)), runs) for stokes, runs in table.groupby("stokes")]
 
 
 def write_runs(table: pd.DataFrame, folder: Path) -> None:
-    """Write every run as a line of `runs.csv`."""
+    """Write every run as a line of `runs.csv`, with the columns of `RUN_COLUMNS` that the frame has."""
     runs = table[[column for column in RUN_COLUMNS if column in table]]
     write_file(folder / "runs.csv", runs.to_csv(index=False, float_format=_CSV_NUMBER), summed=True)

@@ -1,6 +1,7 @@
 """The bodies and starts that the study of second order follows.
 
-`cases.toml` beside this module lists them. The results are on `reports/second-order`.
+`cases.toml` beside this module lists them. `polhode.harness.averaging.second_order` runs them; the results
+are on `reports/second-order`. Resonances of polhode and precession are explained in `docs/second-order.md`.
 """
 
 import tomllib
@@ -14,19 +15,21 @@ from polhode.models.rotation import Triple
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
-# Angles θ, φ, ψ in rad, and their rates in shear rates: any starts without symmetry. In the first one ω_z has
-# the fluid's sign, which it has not in the paper's; in the second one the body turns slowly.
+# Angles θ, φ, ψ in rad, and their rates in shear rates: any starts without symmetry. The first one turns against
+# the paper's: its ω_z, in space axes, is negative, as the fluid's is, -1/2, while the paper's is positive. In the
+# second one the body turns slowly: |ω| is 0.8, in the paper's starts and the first one it is 1.4 to 2.0.
 _AGAINST = EulerStart((1.0, 0.3, 0.2), (-1.0, 0.5, -2.0))
 _GENTLE = EulerStart((1.5, 2.0, 0.2), (0.6, 0.4, -0.3))
-# Starts of the second order's cases by name. Cases without one start with an angular velocity at
-# the orientation TILTED.
+# Starts of the second order's cases by name: the paper's two, for its spheroid and for its ellipsoid, which
+# differ in ψ̇, and the two above. Cases without one start with an angular velocity at the orientation TILTED.
 NAMED_STARTS = {
     "paper": scenes.SPHEROID_START,
     "paper, ψ̇ = -1": scenes.PAPER_START,
     "against": _AGAINST,
     "gentle": _GENTLE,
 }
-TILTED = (0.8, 0.3, -0.4, 0.2)  # Quaternion (w, x, y, z), not normalised: any one without symmetry.
+# Quaternion (w, x, y, z), which `BodyStart` normalises: any one without symmetry.
+TILTED = (0.8, 0.3, -0.4, 0.2)
 # Powers of ten between the smallest and the largest St of a case: enough to fit a slope. An estimate.
 _DECADES = 2
 _STOKES_DIGITS = 3  # Significant digits of these St, so that tables show them as they are.
@@ -37,11 +40,11 @@ _TABLES = tomllib.loads(Path(__file__).with_name("cases.toml").read_text(encodin
 class Subject:
     """A body and a start, followed to one slow time at a range of Stokes numbers."""
 
-    name: str
-    semi_axes: Triple
+    name: str  # of the start, as tables show it; the body is shown by `axes`
+    semi_axes: Triple  # along x', y', z'; only their ratios count
     start: EulerStart | BodyStart
-    slow_time: float  # time over St
-    stokes: tuple[float, ...]
+    slow_time: float  # duration in inverse shear rates, over St
+    stokes: tuple[float, ...]  # increasing
 
     @property
     def axes(self) -> str:
@@ -49,7 +52,7 @@ class Subject:
         return ":".join(f"{axis:g}" for axis in self.semi_axes)
 
     def scene(self, stokes: float) -> Scene:
-        """The case at one St."""
+        """The case at one St, whose duration, in inverse shear rates, is proportional to it."""
         return Scene(Ellipsoid(self.semi_axes), stokes, self.start, self.slow_time * stokes)
 
 
@@ -64,7 +67,8 @@ def _case(
     """A case of the second order, at `points` St over two decades from 10^`lowest` on.
 
     `start` names one of NAMED_STARTS. Without it the body starts at TILTED, with `spin` as its angular
-    velocity in body axes, in shear rates.
+    velocity in body axes, in shear rates. At the usual lowest St, 1e4, orientations err by less than 1 rad, from
+    which on their phase would be lost; the needle 1:1:10, which errs by more there, starts at 10^4.5.
     """
     exponents = np.linspace(lowest, lowest + _DECADES, points).tolist()
     name = start or f"ω = ({', '.join(f'{rate:g}' for rate in spin)})"
@@ -79,11 +83,12 @@ def _case(
 
 
 def _cases(table: str) -> tuple[Subject, ...]:
-    """All cases of one table of the file."""
+    """All cases of one table of the file; its keys are the arguments of `_case`."""
     return tuple(_case(**row) for row in _TABLES[table])
 
 
-# Cases of the second order.
-AWAY = _cases("away")  # From resonances of polhode and precession.
-RESONANT = _cases("resonant")  # Their runs pass through resonances.
-CROSSING = _cases("crossing")  # Up to L² = 2EI₂.
+# Cases of the second order, by what their runs meet. Bodies, starts and slow times are examples, chosen once.
+AWAY = _cases("away")  # No strong resonance of polhode and precession.
+RESONANT = _cases("resonant")  # Such resonances, which the run passes.
+# L² = 2EI₂, I₂ being the middle moment of inertia, which the form cannot cross: the study cuts the run before it.
+CROSSING = _cases("crossing")

@@ -21,9 +21,11 @@ _STANDARD_OUTPUT = (Path("-"), Path("/dev/stdout"))
 # The number that the system gives standard output.
 _STANDARD_OUTPUT_NUMBER = 1
 SUMS = "SHA256SUMS"
-# The words that stand in JSON for numbers that it has no sign for.
+# The words that stand in JSON for numbers that it has no sign for. A string that is one of them is read as the
+# number too.
 _WORDS = {"Infinity": inf, "-Infinity": -inf, "NaN": nan}
-# Random bytes in the private name of a file that is being written: no two runs share one.
+# Random bytes in the private name of a file that is being written: no two runs share one. With eight, 64 bits,
+# chance does not bring the same name twice; the number is a choice.
 _PRIVATE_BYTES = 8
 
 
@@ -37,10 +39,12 @@ class PartialFile:
     Parameters
     ----------
     path : Path
+        The file, whose folder must be there.
     binary : bool
         Whether bytes are written, not text.
     summed : bool
-        Whether the file's checksum is kept beside it, so that `read_file` notices damage.
+        Whether the file's checksum is kept beside it, so that `read_file` notices damage. Devices and
+        pipes have none.
 
     Raises
     ------
@@ -63,6 +67,7 @@ class PartialFile:
         self.partial = (
             self.path.with_name(self.path.name + ".partial") if self.atomic else self.path
         )
+        # A process that is killed leaves its file under this name.
         token = secrets.token_hex(_PRIVATE_BYTES)
         self._private = self.path.with_name(f".{self.path.name}.{token}.partial")
         self._how: dict[str, Any] = {} if binary else {"encoding": "utf-8", "newline": ""}
@@ -78,6 +83,7 @@ class PartialFile:
             to_output = self.path in _STANDARD_OUTPUT
             in_place = _STANDARD_OUTPUT_NUMBER if to_output else self.path
             where = self._private if self.atomic else in_place
+            # "x" refuses a file that is there: nobody else's is written over.
             mode = ("x" if self.atomic else "w") + self._binary
             try:
                 self._file = open(where, mode, closefd=not to_output, **self._how)  # noqa: SIM115
@@ -111,6 +117,7 @@ class PartialFile:
             with file:
                 file.flush()
                 if self.atomic and failure is None:
+                    # On the disk before it has its name: a crash of the machine leaves no empty file.
                     os.fsync(file.fileno())
                     if self._summed:
                         _expect(self.path, self._private)
@@ -119,11 +126,12 @@ class PartialFile:
             if self.atomic:
                 os.replace(self._private, final_path)
                 if self._summed and final_path is self.path:
+                    # The earlier file is gone, and its checksum goes.
                     _expect(self.path)
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder if there is none; raises OSError if no page can be written in it."""
+    """Make a folder if there is none, with those above it; raises OSError if no page can be written in it."""
     # A trial file is opened and removed again: rights alone do not tell.
     folder.mkdir(parents=True, exist_ok=True)
     trial = PartialFile(folder / "README.md")
@@ -148,12 +156,16 @@ def write_file(path: Path, content: str | bytes, *, summed: bool = False) -> Pat
 def remove_file(path: Path) -> None:
     """Remove a file, if it is there, and the checksum that is kept of it."""
     path.unlink(missing_ok=True)
+    # `_expect` drops the line of a file that is not there.
     if path.name in _sums(path.parent):
         _expect(path)
 
 
 def open_file(path: Path) -> IO[bytes]:
-    """Open a file to read bytes; ValueError if it fails a checksum that is kept of it, OSError if there is no file."""
+    """Open a file to read bytes; ValueError if it fails a checksum that is kept of it, OSError if there is no file.
+
+    A file without a checksum is opened unchecked.
+    """
     # Another process may replace the file between opening it and reading its checksum: one more try.
     for _ in range(2):
         file = path.open("rb")
@@ -172,7 +184,7 @@ def read_file(path: Path) -> bytes:
 
 
 def _sums(folder: Path) -> dict[str, list[str]]:
-    """Checksums by file name: two of a file while it is replaced, see `_expect`."""
+    """Checksums by file name, none if SHA256SUMS cannot be read: two of a file while it is replaced, see `_expect`."""
     sums: dict[str, list[str]] = {}
     with suppress(OSError):
         for line in (folder / SUMS).read_text(encoding="utf-8", errors="replace").splitlines():
@@ -182,7 +194,10 @@ def _sums(folder: Path) -> dict[str, list[str]]:
 
 
 def _expect(path: Path, *coming: Path) -> None:
-    """Keep the checksum of a file, and of one that is about to take its place: until then both hold."""
+    """Keep the checksum of a file, and of one that is about to take its place: until then both hold.
+
+    A file that is not there has none, and loses the one that was kept of it.
+    """
     with alone(path.parent):
         sums = []
         for file in (path, *coming):
@@ -210,7 +225,10 @@ def alone(folder: Path) -> Iterator[None]:
 
 
 def dumps(value: Any, *, sort_keys: bool = True, **how: Any) -> str:
-    """One line of JSON, keys sorted unless `sort_keys` is false; `how` goes to `json.dumps`."""
+    """One line of JSON, keys sorted unless `sort_keys` is false; `how` goes to `json.dumps`.
+
+    Tuples become lists.
+    """
 
     def word(value: Any) -> Any:
         # `json.dumps` alone writes Infinity, -Infinity and NaN, the keys of `_WORDS`.
@@ -227,7 +245,10 @@ def loads(text: str) -> Any:
 
 
 def digest(value: Any) -> str:
-    """SHA-256 of a value's JSON, keys in order: the same for the same content."""
+    """SHA-256, in hexadecimal digits, of a value's JSON, keys in order: the same for the same content.
+
+    The JSON is that of `json.dumps`, without the words of `dumps`: what is stored goes by these digests.
+    """
     return sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 
 
