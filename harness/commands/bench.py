@@ -30,17 +30,20 @@ if TYPE_CHECKING:
     from polhode.harness.common.store import Store
     from polhode.harness.studies.study import Study
 
-# Libraries that pages need: their absence is reported before anything is measured.
+# Libraries that pages need: their absence is reported before anything is measured. Commands that compile or
+# measure by certain libraries name these beside: llvmlite, and heyoka for its integrator of many particles and
+# of linear flows.
 _PAGE_LIBRARIES = ("matplotlib", "PIL", "pandas", "scipy")
-# Module of `polhode.harness.pages` that writes a study's page, by the study's `page`.
+# Module of `polhode.harness.pages` that writes a study's page, by the study's `page`
+# (`polhode.harness.studies.study.Page`).
 _PAGES = {
     "costs": "bench",
     "outcomes": "outcomes",
     "known-stokes": "known_stokes",
     "stiff": "stiff",
 }
-# Parts of `accuracy` by order: repeated from `averaging.second_order` and `averaging.hybrid`, so that
-# `--help` needs no numerics.
+# Parts of `accuracy`, for --part, by order: repeated from `averaging.second_order` and `averaging.hybrid`, so
+# that `--help` needs no numerics. A test compares them.
 ACCURACY_PARTS = {"all": (), "2": ("orders", "resonances", "cost"), "hybrid": ("errors", "speed")}
 # Folder of the page of each order, unless --out names one.
 _FOLDERS = {"all": "reports/accuracy", "2": "reports/second-order", "hybrid": "reports/hybrid"}
@@ -52,9 +55,9 @@ _LARGEST_QUICK_STOKES = 1e4
 # fastest of many calls counts.
 _CALL_SECONDS = 2.0
 _QUICK_CALL_SECONDS = 0.2
-# Columns of the names in `polhode paper --list`: the longest has 24 characters.
+# Width, in characters, of the names in `polhode paper --list`: the longest has 24, and a gap follows.
 _NAME_COLUMNS = 28
-# Seconds that a run of the user's problem may take with --quick; an estimate.
+# Seconds that a run of the user's problem may take with --quick, for a look that takes little time; an estimate.
 _QUICK_SECONDS = 1.0
 
 
@@ -69,6 +72,7 @@ def bench(request: StudyRequest, problems: bool, page_only: bool) -> None:
     if problems:
         _problems(request, page_only)
         return
+    # The argument is a study file, or FILE.py:NAME.
     if ".py:" in str(request.study_file or ""):
         _own_problem(request, page_only)
         return
@@ -87,6 +91,7 @@ def bench(request: StudyRequest, problems: bool, page_only: bool) -> None:
             of_runs(frame(records, NEEDED), path)
         click.echo(f"{write_page(study, records, folder, command_line())}")
         return
+    # A form or solver outside polhode is named `module:class`.
     if outside := [name for name in (*study.forms, *study.solvers) if ":" in name]:
         click.echo(f"note: the study runs code of {', '.join(outside)}", err=True)
     with stored(folder, request.resume) as store:
@@ -97,7 +102,7 @@ def bench(request: StudyRequest, problems: bool, page_only: bool) -> None:
 
 
 def _problems(request: StudyRequest, page_only: bool) -> None:
-    """The classical test problems (`polhode.models.problems.catalogue`) instead of scenes."""
+    """Measure the classical test problems (`polhode.models.problems.catalogue`), and write their page."""
     with loading(request.quiet):
         from polhode.harness.pages.problems import rewrite_page, write_page
         from polhode.harness.work_precision import pairs_of, run_problems
@@ -122,7 +127,11 @@ def _problems(request: StudyRequest, page_only: bool) -> None:
 
 
 def _own_problem(request: StudyRequest, page_only: bool) -> None:
-    """Work and precision of ``FILE.py:NAME``, a Problem or a WorkPrecision of the user's own."""
+    """Measure ``FILE.py:NAME``, a Problem or a WorkPrecision of the user's own, and write its page.
+
+    A WorkPrecision keeps its own settings: --solver and --quick choose those of a Problem, and --quick of both
+    the folder.
+    """
     with loading(request.quiet):
         from polhode.harness.work_precision import QUICK, WorkPrecision
         from polhode.models.problem import Problem
@@ -150,7 +159,7 @@ def _own_problem(request: StudyRequest, page_only: bool) -> None:
 
 
 def _object_in(location: str) -> Any:
-    """The object that ``FILE.py:NAME`` names; ValueError, in one line, if there is none."""
+    """The object that ``FILE.py:NAME`` names, for which the file is run; ValueError, in one line, if there is none."""
     import sys
     from importlib.util import module_from_spec, spec_from_file_location
 
@@ -185,6 +194,7 @@ def regimes(request: StudyRequest, page_only: bool) -> None:
         from polhode.harness.studies.runner import Runner
 
         study = replace(request.study("regimes"), longest_slow_time=LONGEST_SLOW_TIME)
+        # `request.study` has cut tolerances and time limits; here scenes are left out too.
         if request.quick:
             quick_scenes = tuple(
                 (name, scene)
@@ -243,6 +253,8 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool, page_only: bo
         with bad_input():
             click.echo(f"{rewrite_pages(out, command_line())}")
         return
+    # `measure` and `first_runs` take one problem. The studies by name, which the package has, each fill the field of
+    # `Measured` that is called so.
     problem = paper_problem()
     records = {}
     with stored(out, resume) as store:
@@ -314,7 +326,7 @@ def paper(
     with bad_input():
         make_folder(out)
     grid = Grid.REDUCED if quick else Grid.FULL
-    processes = min(len(items), os.cpu_count() or 1)
+    processes = min(len(items), _cores())
     failed = run(
         items,
         out,
@@ -393,7 +405,8 @@ def accuracy(
                 f"--part: got --order {order}, expected --order {fitting} for {part!r}"
             )
         for name, value in how.items():
-            if order != "all" and value not in (None, False):
+            # Numbers may be 0, which equals False.
+            if order != "all" and value is not None and value is not False:
                 raise ValueError(f"--{name}: got it with --order {order}, expected --order all")
     if order == "all":
         _random_bodies(out, as_json, quick, page_only, quiet, **how)
@@ -413,7 +426,10 @@ def _random_bodies(
     workers: int | None,
     fit: bool,
 ) -> None:
-    """All averaged forms over random bodies."""
+    """Measure all averaged forms over random bodies, write the page and print its numbers.
+
+    With `resume` the tables in `out` are kept and added to; `fit` writes the laws that `solve` reads.
+    """
     with loading(quiet):
         from polhode.harness.averaging import random_study
         from polhode.harness.averaging.laws import write_laws
@@ -426,7 +442,7 @@ def _random_bodies(
         make_folder(out)
     data = old
     if not page_only:
-        # The cheapest references come first.
+        # Cheap references come first, so that --references and --seconds leave out the long ones.
         todo = random_study.tasks(random_study.QUICK_BODIES if quick else random_study.BODIES)
         todo = todo[:references]
         with stored(out, resume, what="bodies") as store:
@@ -458,7 +474,10 @@ def _one_form(
     page_only: bool,
     quiet: bool,
 ) -> None:
-    """Second order, or `hybrid`, in more depth."""
+    """Measure second order, or `hybrid`, in more depth, write the page and print its findings.
+
+    With `part` the other parts are those of the earlier study in `out`.
+    """
     from polhode.harness.averaging.data import SecondOrderStudy, read_study
     from polhode.harness.averaging.hybrid import Study as HybridStudy, measure as measure_hybrid
     from polhode.harness.averaging.second_order import measure_study
@@ -516,6 +535,7 @@ def sweep(
         if path.exists() and not resume:
             raise BadInput(f"{path}: exists, expected --resume to go on with it, or another --out")
         engine = _engine(workers, dask)
+    # Whether to go on was settled above, so that no store is moved aside here: others may be at work on it.
     with stored(folder, resume=True, what="tasks") as store:
         tally = run_sweep(sweep_plan, store, engine, quiet=quiet, spread=resume)
         if tally.failed:

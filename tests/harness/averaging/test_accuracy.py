@@ -527,6 +527,10 @@ def test_the_command_refuses_what_it_cannot_do(tmp_path: Path):
     code, text = told("--order", "2", "--resume")
     assert code == 2
     assert "--resume: got it with --order 2, expected --order all" in text
+    for option in ("--seconds", "--workers"):
+        code, text = told("--order", "2", option, "0")
+        assert code == 2
+        assert f"{option}: got it with --order 2, expected --order all" in text
     code, text = told("--seconds", "0", "--workers", "0", "--quick", "--quiet")
     assert code == 1
     assert "no body was finished, expected more time" in text

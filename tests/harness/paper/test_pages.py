@@ -352,6 +352,21 @@ def test_figures_of_the_report_are_small():
     assert not large
 
 
+def test_command_takes_only_the_cores_that_it_may_use(tmp_path, monkeypatch):
+    given = {}
+
+    def no_run(*_: object, **settings: object) -> list[str]:
+        given.update(settings)
+        return []
+
+    monkeypatch.setattr("polhode.harness.paper.reproduction.run", no_run)
+    monkeypatch.setattr(os, "cpu_count", lambda: 64)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0}, raising=False)
+    result = CliRunner().invoke(paper, ["--quiet", "--out", str(tmp_path)])
+    assert result.exit_code == 0
+    assert given["processes"] == 1
+
+
 def test_command_lists_items():
     result = CliRunner().invoke(paper, ["--list", "--json", "beyond"])
     assert [row["section"] for row in json.loads(result.output)] == ["beyond"] * 4
