@@ -45,7 +45,12 @@ from polhode.harness.paper.item import (
     Word,
 )
 from polhode.harness.paper.runs import bisected, full_run, graded, slow_run, slow_scene, spheroid
-from polhode.harness.paper.sections.planes import REACHES_NODE, PlanesOfBodies, plane_tables
+from polhode.harness.paper.sections.planes import (
+    PlanesOfBodies,
+    plane_tables,
+    reaching_node,
+    reaching_pinch,
+)
 from polhode.harness.paper.sections.slow_motion import ACCURATE, SlowMotion, order_of_damping
 from polhode.harness.paper.tables import SLOW, by, path, worst
 from polhode.models.forms.averaged import Averaged
@@ -485,23 +490,14 @@ class Plane(Experiment):
             2e-3, "relative order y ≤ 0.1 of a distance of 2e-3, tenfold for log(16/y)"
         )
         return [
-            Number(
-                f"share of the {np.sum(left)} starts with L_z < 0 that reach the node",
-                float(np.mean(ends.distance[left] < planes.REACHED)),
-                REACHES_NODE,
-                measure="a grid of starts, not of random ones",
-            ),
+            reaching_node(f"{np.sum(left)} starts with L_z < 0", ends.distance[left]),
             Number(
                 "distance from the saddle where a start on the upper parabola ends",
                 off_saddle,
                 Range.at_most(5e-3, "what is left of the approach when the run ends"),
                 "I_max",
             ),
-            Number(
-                "slow time to the pinch point from L_z > 0, over L_z/(4π min X), longest",
-                pinch,
-                Range(0.0, 1.0, "no torque along L is weaker than that of the smallest X"),
-            ),
+            reaching_pinch(pinch),
             Number(
                 "local against averaged critical trajectory, before the point",
                 before.close,

@@ -42,8 +42,25 @@ _INSIDE = 1 - 1e-13
 # the fixed points of L_z < 0, the farthest of which is at -0.5. θ₀ sets E between its bounds. The
 # values are estimates.
 _STARTS = tuple(product((-0.7, 0.7), (0.4, 0.9, 1.4)))
-# Of a share of starts that reach the node.
-REACHES_NODE = Range(1.0, 1.0, "the claim: all of them")
+
+
+def reaching_node(starts: str, distances: np.ndarray) -> Number:
+    """The share of starts, named in words, that reach the node, from the distances where they end."""
+    return Number(
+        f"share of the {starts} that reach the node",
+        float(np.mean(distances < planes.REACHED)),
+        Range(1.0, 1.0, "the claim: all of them"),
+        measure="a grid of starts, not of random ones",
+    )
+
+
+def reaching_pinch(longest: float) -> Number:
+    """The longest slow time to the pinch point, over L_z/(4π min X)."""
+    return Number(
+        "slow time to the pinch point from L_z > 0, over L_z/(4π min X), longest",
+        longest,
+        Range(0.0, 1.0, "no torque along L is weaker than that of the smallest X"),
+    )
 
 
 def plane_tables(

@@ -42,7 +42,12 @@ from polhode.harness.paper.item import (
     Word,
 )
 from polhode.harness.paper.runs import graded, slow_run, spheroid
-from polhode.harness.paper.sections.planes import REACHES_NODE, PlanesOfBodies, plane_tables
+from polhode.harness.paper.sections.planes import (
+    PlanesOfBodies,
+    plane_tables,
+    reaching_node,
+    reaching_pinch,
+)
 from polhode.harness.paper.sections.slow_motion import ACCURATE, SlowMotion, order_of_damping
 from polhode.harness.paper.tables import by, groups, joined, worst
 from polhode.models.scenes import NEAR_POLE_START, SPHEROID_START
@@ -92,23 +97,14 @@ class Plane(Experiment):
             f"L_z–E plane of a prolate spheroid, κ = 2, with {len(end_momenta)} slow trajectories of "
             "L_x = L_y = 0; I_max = I_e.",
             [
-                Number(
-                    f"share of the {np.sum(left)} starts with L_z < 0 that reach the node",
-                    float(np.mean(ends.distance[left] < planes.REACHED)),
-                    REACHES_NODE,
-                    measure="a grid of starts, not of random ones",
-                ),
+                reaching_node(f"{np.sum(left)} starts with L_z < 0", ends.distance[left]),
                 Number(
                     "distance from the saddle where starts on the upper parabola end",
                     off_saddle,
                     Range.at_most(2e-3, "what is left of the approach at the end of the run"),
                     "I_max",
                 ),
-                Number(
-                    "slow time to the pinch point from L_z > 0, over L_z/(4π min X), longest",
-                    pinch,
-                    Range(0.0, 1.0, "no torque along L is weaker than that of the smallest X"),
-                ),
+                reaching_pinch(pinch),
             ],
         )
 
@@ -226,12 +222,7 @@ class Projections(Experiment):
             f"Slow trajectories of κ = 2 from |L| = 2I_e/3, L_z/|L| = {cosines}, at three energies "
             "(I_aη₀/L₀ grows).",
             [
-                Number(
-                    f"share of the {len(ends)} starts that reach the node",
-                    float(np.mean(ends.distance < planes.REACHED)),
-                    REACHES_NODE,
-                    measure="a grid of starts, not of random ones",
-                ),
+                reaching_node(f"{len(ends)} starts", ends.distance),
                 Number(
                     "farthest that a path lies outside the limiting ones in the L_z–E plane",
                     aside["E"],
@@ -340,12 +331,7 @@ class LPlanes(Experiment):
             "L_x = 0 (left) and L_y = 0 (right); starts with L_z < 0 above, with L_z > 0 below; "
             "colours: L_xy/|L_z|; circles: starts.",
             [
-                Number(
-                    f"share of the {len(ends)} starts that reach the node",
-                    float(np.mean(ends.distance < planes.REACHED)),
-                    REACHES_NODE,
-                    measure="a grid of starts, not of random ones",
-                ),
+                reaching_node(f"{len(ends)} starts", ends.distance),
                 Number(
                     "largest distance at the end",
                     ends.distance.max(),
