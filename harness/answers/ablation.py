@@ -7,6 +7,7 @@ changes no choice for the better and spares no asking is not needed.
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from math import inf, nan
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -20,7 +21,7 @@ from polhode.harness.common.store import Record, Store
 from polhode.harness.references.extended import ReferenceFailedError
 
 # The name of the race that nothing is left out of.
-WHOLE = "nothing"
+ALL_PARTS = "nothing"
 # Version of the rows in the store: rows of another one are measured anew.
 _SCHEMA = 1
 # So large that no cost and no number of steps exceeds it.
@@ -41,7 +42,7 @@ def _always(value: Any) -> Callable[..., Any]:
     return lambda *_: value
 
 
-PARTS = (
+RACE_PARTS = (
     Part("a run is stopped that costs 1.5 times the best", race, "_CUT", _ANY),
     Part("a method runs at up to three tolerances", race, "_MAX_RUNS", 1),
     Part("a run of a small error is made again at a looser tolerance", race, "_LEAST_SHARE", 0.0),
@@ -75,30 +76,26 @@ def left_out(part: Part) -> Iterator[None]:
 def study(store: Store, seed: int, count: int, quiet: bool = False) -> list[Record]:
     """Race random scenes with all parts and without each, into a store; a row for each scene and race.
 
-    Keys: `scene`; `without`, the words of the part or `WHOLE`; `choice`, empty where the error is
+    Keys: `scene`; `without`, the words of the part or `ALL_PARTS`; `choice`, empty where the error is
     refused; `seconds` and `error` of the choice, `met`; `asking` in seconds. Scenes without a reference are
     left out.
     """
     rows: list[Record] = []
     for question in Steps("ablation", count, "scenes", quiet).over(questions(seed, count)):
         content = {"ablation": question.name, "schema": _SCHEMA}
-        key = digest(content)
-        if key not in store:
-            store.put(key, content, {"rows": measured(question)})
-        result = store.result(key)
-        assert result is not None
-        rows += result["rows"]
+        make = partial(measured, question)
+        rows += store.made_once(digest(content), content, make)["rows"]
     return rows
 
 
-def measured(question: Question) -> list[Record]:
-    """The rows of one scene; none where it has no reference."""
+def measured(question: Question) -> Record:
+    """The rows of one scene, under "rows"; none where it has no reference."""
     try:
         track = Track(question, reference_of(question))
     except (ReferenceFailedError, ValueError):
-        return []
-    asked = {WHOLE: ask(question)}
-    for part in PARTS:
+        return {"rows": []}
+    asked = {ALL_PARTS: ask(question)}
+    for part in RACE_PARTS:
         with left_out(part):
             asked[part.words] = ask(question)
     choices = {}
@@ -122,7 +119,7 @@ def measured(question: Question) -> list[Record]:
                 "asking": asking,
             }
         )
-    return rows
+    return {"rows": rows}
 
 
 def compared(rows: Any) -> list[Record]:
@@ -130,15 +127,15 @@ def compared(rows: Any) -> list[Record]:
 
     `slower` and `quicker` count the scenes where the choice takes `NEAR` times as long or more, and the
     other way round; both met the error. `lost` and `won` count those where the choice misses the error and
-    the one with all parts meets it, and the other way round. `asking` is the ratio of the seconds of
-    asking in the median, `asking_all` that of their sums.
+    the one with all parts meets it, and the other way round. `asking` is the median
+    ratio of the seconds of asking, `asking_all` is the ratio of their sums.
     """
     scenes = rows.pivot(
         index="scene", columns="without", values=["seconds", "met", "asking", "choice"]
     )
-    whole = scenes.xs(WHOLE, axis="columns", level="without")
+    whole = scenes.xs(ALL_PARTS, axis="columns", level="without")
     comparisons = []
-    for part in PARTS:
+    for part in RACE_PARTS:
         if part.words not in scenes["choice"]:
             continue
         mine = scenes.xs(part.words, axis="columns", level="without")

@@ -10,7 +10,7 @@ import json
 import reprlib
 import sqlite3
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from dataclasses import MISSING, astuple, fields
 from io import StringIO, TextIOWrapper
@@ -143,6 +143,14 @@ class Store(AbstractContextManager["Store"]):
         row = _Row(*content, digest(content))
         with self._readable(), self._connection:
             self._connection.execute(_PUT, row)
+
+    def made_once(self, key: str, case: Record, make: Callable[[], Record]) -> Record:
+        """Result of one case, as the store holds it; where it does not, `make` gives the result first."""
+        if key not in self:
+            self.put(key, case, make())
+        result = self.result(key)
+        assert result is not None
+        return result
 
     def drop(self, keys: Iterable[str]) -> None:
         """Forget the cases of some keys."""

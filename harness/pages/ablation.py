@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from polhode.harness.answers import heldout
-from polhode.harness.answers.ablation import WHOLE, compared
+from polhode.harness.answers.ablation import ALL_PARTS, compared
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import here, provenance
 from polhode.harness.common.store import Record
@@ -25,7 +25,7 @@ def write_page(folder: Path, rows: Sequence[Record], command: str) -> Path:
     table: Any = pd.DataFrame(rows)
     text = table.to_csv(index=False, float_format="%.4g")
     write_file(folder / "ablation.csv", text, summed=True)
-    whole = table[table["without"] == WHOLE]
+    whole = table[table["without"] == ALL_PARTS]
     page = fill(
         "ablation",
         made=provenance(command, [here()]),

@@ -3,7 +3,7 @@
 import pandas as pd
 
 from polhode.harness.answers import race, tolerances
-from polhode.harness.answers.ablation import PARTS, WHOLE, compared, left_out
+from polhode.harness.answers.ablation import ALL_PARTS, RACE_PARTS, compared, left_out
 from polhode.harness.answers.pick import forget, pick
 from polhode.harness.commands import pick as command
 from polhode.harness.pages.ablation import write_page
@@ -11,13 +11,13 @@ from polhode.models.scenes import named_scene
 
 
 def test_every_part_is_there_and_comes_back():
-    for part in PARTS:
+    for part in RACE_PARTS:
         kept = getattr(part.place, part.name)
         with left_out(part):
             assert getattr(part.place, part.name) is part.without
             assert kept is not part.without
         assert getattr(part.place, part.name) is kept
-    assert len({part.words for part in PARTS} | {WHOLE}) == len(PARTS) + 1
+    assert len({part.words for part in RACE_PARTS} | {ALL_PARTS}) == len(RACE_PARTS) + 1
 
 
 def test_a_race_follows_what_is_left_out():
@@ -28,7 +28,7 @@ def test_a_race_follows_what_is_left_out():
         forget()
         return sum("costs more than" in row.reason for row in pick(scene, 1e-8).excluded)
 
-    (part,) = [part for part in PARTS if (part.place, part.name) == (race, "_CUT")]
+    (part,) = [part for part in RACE_PARTS if (part.place, part.name) == (race, "_CUT")]
     assert cut()
     with left_out(part):
         assert not cut()
@@ -41,15 +41,15 @@ def rows(*races: tuple[str, str, str, float, bool, float]) -> list[dict]:
 
 
 def test_choices_are_counted_by_time_and_by_error(tmp_path):
-    part = next(part for part in PARTS if part.place is tolerances)
+    part = next(part for part in RACE_PARTS if part.place is tolerances)
     table = rows(
-        ("1", WHOLE, "a", 1.0, True, 0.1),
+        ("1", ALL_PARTS, "a", 1.0, True, 0.1),
         ("1", part.words, "b", 2.0, True, 0.2),
-        ("2", WHOLE, "a", 1.0, True, 0.1),
+        ("2", ALL_PARTS, "a", 1.0, True, 0.1),
         ("2", part.words, "a", 1.0, True, 0.1),
-        ("3", WHOLE, "a", 1.0, True, 0.1),
+        ("3", ALL_PARTS, "a", 1.0, True, 0.1),
         ("3", part.words, "b", 0.1, False, 0.3),
-        ("4", WHOLE, "", float("nan"), False, 0.1),
+        ("4", ALL_PARTS, "", float("nan"), False, 0.1),
         ("4", part.words, "b", 0.1, True, 0.2),
     )
     (row,) = compared(pd.DataFrame(table))
@@ -64,7 +64,7 @@ def test_choices_are_counted_by_time_and_by_error(tmp_path):
 def test_the_command_measures_and_writes_the_page(tmp_path, monkeypatch):
     from click.testing import CliRunner
 
-    monkeypatch.setattr("polhode.harness.answers.ablation.PARTS", PARTS[:1])
+    monkeypatch.setattr("polhode.harness.answers.ablation.RACE_PARTS", RACE_PARTS[:1])
     options = ["--ablation", "--scenes", "1", "--seed", "27", "--quiet", "--out", str(tmp_path)]
     done = CliRunner().invoke(command.validate, options)
     assert done.exit_code == 0, done.output

@@ -379,3 +379,17 @@ def test_a_frame_of_records():
 def test_records_that_can_be_gone_through_once_are_all_written(tmp_path: Path):
     export(({"a": i} for i in range(3)), tmp_path / "a.csv")
     assert (tmp_path / "a.csv").read_text(encoding="utf-8").split() == ["a", "0", "1", "2"]
+
+
+def test_a_result_is_made_once_and_comes_as_it_is_stored(path: Path):
+    made = []
+
+    def make() -> dict:
+        made.append(1)
+        return {"pair": (1, 2)}
+
+    with Store(path) as store:
+        first = store.made_once("a" * 64, {"case": 1}, make)
+        second = store.made_once("a" * 64, {"case": 1}, make)
+    assert first == second == {"pair": [1, 2]}
+    assert len(made) == 1
