@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 from polhode.harness.answers.averaging import NotKnownError, oriented
 from polhode.harness.answers.averaging_laws import ORDER_TWO, ORDERS, few_error
-from polhode.harness.answers.confirmed import MAX_STRIDE, PLANNED_SHARE, confirmation
+from polhode.harness.answers.confirmed import PLANNED_SHARE, confirmation
 from polhode.harness.answers.fitted import PACED_TOLERANCE
 from polhode.harness.answers.forecast import RacedSegment, beginning_of, raced_segment
 from polhode.harness.answers.interval import Interval
@@ -47,7 +47,7 @@ from polhode.harness.answers.rules import (
 from polhode.harness.answers.runs import MAX_STEPS, Run
 from polhode.harness.answers.segment import KNOWN_SHARE, Remembering, Segment, in_tables
 from polhode.harness.answers.statement import difference
-from polhode.harness.answers.tolerances import Known, loosest
+from polhode.harness.answers.tolerances import Known, loosest, planned
 from polhode.harness.common.text import scientific, short
 from polhode.harness.references.rotations import damping_times
 from polhode.models.catalogue import FORMS, form as find_form
@@ -88,8 +88,6 @@ _MOST_STEPS = 10_000_000
 _IMPLICIT_FROM = 100.0
 # A paced run of few steps may come out at 0 s: quotients of seconds need a positive number.
 _LEAST_SECONDS = 1e-9
-# An error of 0 counts as this, so that a quotient stays finite.
-_NO_ERROR = 1e-99
 
 
 class Entry(NamedTuple):
@@ -395,10 +393,10 @@ class Heat:
             if tolerance <= TIGHTEST:
                 why = f"errs by {scientific(error)} at the tightest tolerance"
                 break
-            planned = _planned(method, tolerance, error, budget)
-            if planned == tolerance:
+            next_tolerance = planned(method, tolerance, error, PLANNED_SHARE * budget)
+            if next_tolerance == tolerance:
                 break
-            tolerance = planned
+            tolerance = next_tolerance
         growth = segment.raced.growth(self.want)
         if met is None:
             why = why or f"a run at {short(tolerance)} errs by {scientific(least * growth)}"
@@ -512,12 +510,12 @@ class Heat:
                 if seconds >= self.best:
                     # A tighter run costs more.
                     break
-            planned = _planned(method, tolerance, error.high, self.error)
+            next_tolerance = planned(method, tolerance, error.high, PLANNED_SHARE * self.error)
             close = _LEAST_SHARE * self.error <= error.high <= self.error
             hopeless = error.high > _HOPELESS * self.error
-            if close or hopeless or not follows or planned == tolerance:
+            if close or hopeless or not follows or next_tolerance == tolerance:
                 break
-            tolerance = planned
+            tolerance = next_tolerance
         if accepted:
             self.doubted.pop(method, None)
             self._enter(method, *accepted, self.raced.of_the_whole())
@@ -576,13 +574,3 @@ def _in_full(scene: Scene, tolerance: float) -> float:
     segments = foreseen(scene, ERROR_PER_TOLERANCE * tolerance)
     full = sum(segment.end - segment.start for segment in segments if not segment.second_order)
     return full / scene.slow_time
-
-
-def _planned(method: Method, tolerance: float, error: float, budget: float) -> float:
-    """The tolerance at which a method is planned to have its share of an error, from a run at another one.
-
-    Errors are taken to be proportional to the tolerance, up to `MAX_STRIDE`.
-    """
-    stride = PLANNED_SHARE * budget / max(error, _NO_ERROR)
-    stride = min(MAX_STRIDE, max(1 / MAX_STRIDE, stride))
-    return rounded(method, stride * tolerance)

@@ -12,7 +12,7 @@ from polhode.harness.answers.pace import pace, unseen
 from polhode.harness.answers.request import NotAttainableError
 from polhode.harness.answers.rules import Method, steps_of
 from polhode.harness.answers.runs import MAX_STEPS, Run, Runner, Watch
-from polhode.harness.answers.statement import INNER, difference
+from polhode.harness.answers.statement import INNER, NO_ERROR, difference
 from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.scene import Scene
@@ -28,8 +28,6 @@ _MOST_GROWTH = 4.0
 # Steps up to which the look ahead of a form, some ms, counts beside its run. An estimate: a run of more steps takes
 # far longer than that.
 _FEW_STEPS = 10_000
-# Differences may be 0: a quotient, and its logarithm, stay finite with this number in their place.
-_NO_DIFFERENCE = 1e-99
 # Index in `INNER`, the compared times, of the middle of a segment.
 _MIDDLE = int(np.searchsorted(INNER, 0.5))
 
@@ -125,8 +123,8 @@ class Segment:
             form = answer.method.form
             self.reference = form.observe(self.raced.scene, answer.solution.states)
         values = getattr(answer.error.difference, self.want)
-        in_first_half = max(float(values[: _MIDDLE + 1].max()), _NO_DIFFERENCE)
-        in_all = max(float(values.max()), _NO_DIFFERENCE)
+        in_first_half = max(float(values[: _MIDDLE + 1].max()), NO_ERROR)
+        in_all = max(float(values.max()), NO_ERROR)
         return float(np.log2(in_all / in_first_half))
 
     def error(self, run: Run) -> float:

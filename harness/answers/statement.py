@@ -46,6 +46,8 @@ _ROUNDING_GROWTH = 0.7
 # pass through zero. An estimate: with fewer, errors between two rows would be stated too small where they
 # oscillate slowly.
 _NEIGHBOURS = 6
+# An error, or a difference, of 0 counts as this, so that quotients and logarithms stay finite.
+NO_ERROR = 1e-99
 # No time has less than this share of the largest statement of the run: fits do not reach further.
 _LEAST_SHARE = 0.1
 

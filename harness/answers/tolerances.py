@@ -13,7 +13,7 @@ from polhode.harness.answers.fitted import steps_per_turn
 from polhode.harness.answers.pace import steps_in
 from polhode.harness.answers.rules import LOOSEST, Method, rounded
 from polhode.harness.answers.runs import Run, Runner
-from polhode.harness.answers.statement import difference
+from polhode.harness.answers.statement import NO_ERROR, difference
 from polhode.solvers.contract import Status
 
 # Where a number below is called an estimate, a factor of two in it makes a search take more runs, or end at a
@@ -21,8 +21,6 @@ from polhode.solvers.contract import Status
 
 # Runs of a search, at most. An estimate: more cost more than the tolerance that they find would spare.
 _MAX_RUNS = 6
-# An error of 0 counts as this, so that a quotient stays finite.
-_NO_ERROR = 1e-99
 # The largest ratio of tolerances over which errors are taken to be proportional to them; an estimate.
 _FAR = 2 * LOOSER
 # The largest error that a run may have by its difference, and by proportion, which plans runs too, as shares
@@ -108,7 +106,9 @@ def loosest(
         close = _LEAST_SHARE * error <= chosen.error <= _MOST_SHARE * error
         if close or (chosen.error <= error and chosen.run.tolerance >= LOOSEST):
             break
-        tolerance = _planned(method, nearest, error, power)
+        tolerance = planned(
+            method, nearest.run.tolerance, nearest.error, _PLANNED_SHARE * error, power
+        )
         near = nearest.run.tolerance <= _FAR * tightest.tolerance
         if near and tightest.tolerance < tolerance < nearest.run.tolerance:
             # Both ends are known: a run between them would tell little more.
@@ -169,8 +169,13 @@ def _power(looser: Run, tighter: Run) -> float:
     )
 
 
-def _planned(method: Method, nearest: Known, error: float, power: float) -> float:
-    """The tolerance at which a method is planned to have its share of an error."""
-    stride = (_PLANNED_SHARE * error / max(nearest.error, _NO_ERROR)) ** (1 / power)
+def planned(
+    method: Method, tolerance: float, error: float, wanted: float, power: float = 1.0
+) -> float:
+    """The tolerance at which a method is planned to have the error wanted, from a run at another one.
+
+    Errors are taken to follow a power of the tolerance, which changes by `MAX_STRIDE` at most.
+    """
+    stride = (wanted / max(error, NO_ERROR)) ** (1 / power)
     stride = min(MAX_STRIDE, max(1 / MAX_STRIDE, stride))
-    return rounded(method, stride * nearest.run.tolerance)
+    return rounded(method, stride * tolerance)
