@@ -17,7 +17,7 @@ class PathSolver(Protocol):
     def __call__(
         self, problem: "Problem", tolerance: float, points: int
     ) -> "tuple[np.ndarray, np.ndarray]":
-        """At least `points` times of the solution, shape (n,), and the states there, shape (n, d)."""
+        """About `points` times of the solution, shape (n,), and the states there, shape (n, d)."""
         ...
 
 

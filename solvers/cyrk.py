@@ -3,13 +3,13 @@
 Tolerance: `rtol` and `atol`, one number for both unless told otherwise, for the error of a step in
 the root-mean-square norm; both may have one number per component. Rows come from each method's own
 dense output. Implicit methods take the exact Jacobian through the library's C++ entry, where that is
-found (Linux on x86-64, versions 0.20); the C entry takes none, so that the library differences the
-field. It reports nothing but steps.
+found (Linux on x86-64, versions 0.20). The C entry takes none: with it the library differences the
+field. The library counts steps and nothing else.
 
 The library's C entry is called through ctypes, as its own numba bridge does; compiling that bridge
-anew in every process would take six seconds. It cannot be interrupted, so that a long run goes in
-segments of a bounded number of steps, each starting from the step at which the last one stopped.
-While it runs, numbers below 2e-308 count as zero.
+anew in every process would take six seconds. A call cannot be interrupted. So a long run is made of
+calls of at most `_CHUNK` steps; each goes on where the one before stopped. While a call runs, numbers
+below 2e-308 count as zero.
 """
 
 import ctypes
@@ -51,7 +51,8 @@ from polhode.solvers.machine_code.address import address_of
 from polhode.solvers.machine_code.llvm import MachineCode
 from polhode.solvers.machine_code.underflow import FlushedToZero
 
-# Deadline and Ctrl-C are looked at once per this many steps: a tenth of a second at most.
+# Steps after which deadline and Ctrl-C are looked at. An estimate: they take some 0.02 to 0.1 s with the
+# forms of the equations, longer with a field that costs more.
 _CHUNK = 20_000
 # Steps before the first look for events; from look to look there are more of them, up to `_CHUNK`. An
 # estimate: a terminal event soon after the start costs as many steps.
@@ -62,14 +63,19 @@ _SHARES = (1.0, 0.98, 0.9, 0.5)
 # Steps after which the path in `followed` ends. An estimate: averaged equations take far fewer, and where
 # they do not, averaging breaks down.
 _MOST_STEPS = 2000
-# Memory that a run may take, in MB: the library's own default.
+# Memory that a call may take, in MB: the library's own default. A call that would take more ends
+# (`MAX_STEPS_SYSARCH_EXCEEDED`), and the next call goes on.
 _MAX_RAM_MB = 2000
-# Largest rate over the tolerated error: its square is below infinity.
+# Norm of the rates over the tolerated errors up to which its square is finite, below 1.8e308.
 _LARGEST_NORM = 1.3e154
 
 
 class _Code(IntEnum):
-    """Codes by which the library says that a run failed (CyrkErrorCodes, c_common.hpp); success is positive."""
+    """Codes by which the library says why an integration stopped early (CyrkErrorCodes, c_common.hpp).
+
+    Positive codes are success. A failure not listed, such as one of set-up or memory, is reported as
+    `NON_FINITE`, with the code.
+    """
 
     MAX_STEPS_USER_EXCEEDED = -52
     MAX_STEPS_SYSARCH_EXCEEDED = -53
@@ -157,6 +163,7 @@ def entry_with_jacobian() -> Callable[..., None] | None:
     size = ctypes.c_size_t
     entry.restype = None
     entry.argtypes = [
+        # Result, field, start, end, state.
         *(pointer, pointer, number, number, pointer),
         # Method, expected size, extra outputs, parameters.
         *(ctypes.c_int, size, size, pointer),
@@ -178,7 +185,10 @@ def _vector(array: np.ndarray) -> tuple[int, int, int]:
 
 
 def _announce() -> None:
-    """Enter the package where modules are found, so that its parts can be imported; it runs on the first use."""
+    """Enter the package in `sys.modules` without running it, so that single modules of it can be imported.
+
+    The package's own `__init__` imports numba. It runs when something else of the package is used.
+    """
     if "CyRK" in sys.modules:
         return
     spec = importlib.util.find_spec("CyRK")
@@ -288,6 +298,7 @@ class Call:
     ) -> None:
         self.library = load_cyrk()
         self.flushed_to_zero = FlushedToZero()
+        # Number of right-hand sides, shape (1,), which the code counts if it is compiled to.
         self.calls = np.zeros(1, dtype=np.int64) if calls is None else calls
         # The code lives as long as this call, whatever caches do.
         self.code = code
@@ -335,7 +346,11 @@ class Call:
         first_step: float = 0.0,
         dense: bool = False,
     ) -> Any:
-        """Run; the pointer returned is to be freed by ``library.c_free``."""
+        """Integrate from a state, shape (d,); return a pointer that is to be freed by ``library.c_free``.
+
+        The result has rows at `times`, or at the ends of all steps if there are no times. A
+        `first_step` of 0 is the library's guess. `dense` keeps what `c_call_vec` interpolates by.
+        """
         if self.jacobian is None:
             return self.library.c_numba_cysolve_ivp(
                 *(self.code.address, start, end, address_of(state), state.size),
@@ -380,7 +395,11 @@ class Call:
 
 
 def _run(call: Call, record: Record) -> Outcome:
-    """Fill the record's rows, in segments of a bounded number of steps."""
+    """Fill the record's rows, by calls of at most `_CHUNK` steps.
+
+    Where events are sought, a call gives all its steps, and the next one begins with the length of
+    the last step. Otherwise it gives the rows alone, and the library guesses each first step.
+    """
     library = call.library
     dimension = len(record.start)
     work = record.work
@@ -388,7 +407,9 @@ def _run(call: Call, record: Record) -> Outcome:
     time = float(record.times[0])
     state = record.start
     steps = 0
+    # First step of the next call; 0 is the library's guess.
     last_step = call.first_step
+    # Steps until the next look.
     look = _CHUNK
     if record.events:
         look = _FIRST_LOOK
@@ -432,7 +453,10 @@ def _run(call: Call, record: Record) -> Outcome:
 def _look_through(
     call: Call, record: Record, result: Any, time: float, state: np.ndarray, first_step: float
 ) -> float:
-    """Look for events in the steps of a chunk and fill its rows; the length of its last whole step."""
+    """Look for events in the steps of a call and fill its rows; return the length of its last step.
+
+    The call has begun at `time` and `state` with `first_step`, which is returned if it took no step.
+    """
     library = call.library
     dimension = len(record.start)
     steps = _array(library.c_get_t_ptr(result), library.c_get_size(result))
@@ -465,11 +489,11 @@ def _look_through(
 def _interpolated(
     call: Call, result: Any, steps: np.ndarray, time: float, state: np.ndarray, first_step: float
 ) -> tuple[Any, int]:
-    """A result that interpolates a chunk, and the number of its steps that it covers.
+    """A result that interpolates a call, and how many of the call's times, `steps`, it covers.
 
-    The library interpolates where a run has reached its end, and nowhere else: of a chunk that was
-    cut short, the same steps are taken again up to where it stopped, or near a singularity up to
-    somewhat before.
+    The first time is the start; a count of 1 means that nothing can be interpolated. The library
+    interpolates only runs that have reached their end. So the steps of a call that was cut short are
+    taken again up to where it stopped, or near a singularity up to somewhat before.
     """
     library = call.library
     if library.c_get_status(result) > 0:
@@ -491,7 +515,11 @@ def _interpolated(
 
 
 def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarray, np.ndarray]:
-    """At least `points` times of a solution, dense where its steps are, and its states there, as far as it goes."""
+    """About `points` times of a solution, and the states there, shapes (n,) and (n, d).
+
+    Times are dense where the solver's steps are, as `spread_over` says. They end where the solution
+    does, or after `_MOST_STEPS` steps. A solution that cannot begin has its start alone.
+    """
     call = Vern7()._call(problem, Settings(tolerance, "compiled"), np.empty(0))
     start = np.array(problem.start)
     library = call.library
@@ -510,11 +538,12 @@ def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarra
         finally:
             library.c_free(result)
 
+    # Without requested times the library gives the ends of its steps.
     steps, _ = run(problem.end, np.empty(0))
     if len(steps) < 2:
         return np.zeros(1), start[None]
     times, states = run(steps[-1], spread_over(steps, points))
-    # A run of few steps may end otherwise when its rows are elsewhere.
+    # The second run may fail, as its last step ends elsewhere: then the start alone is given.
     return (times, states) if len(times) else (np.zeros(1), start[None])
 
 
@@ -527,7 +556,11 @@ Vern8, Vern7, Dop853, Tsit5, Lsoda, Bdf, Radau = methods(CyrkSolver)
 
 
 def spread_over(steps: np.ndarray, points: int) -> np.ndarray:
-    """About as many times as points, of which each step has as many as any other; the last step's end is the last."""
+    """Times with as many in each step as in any other, shape (n,); the last one is the last step's end.
+
+    `steps` holds the start and the ends of k - 1 steps, shape (k,). There are about
+    ``points (1 - 1/k)`` times, or k if that is more.
+    """
     # Numbers of steps, with fractions where there are fewer steps than points.
     places = np.arange(0, len(steps) - 1, min(1, len(steps) / points))
     return np.append(np.interp(places, np.arange(len(steps)), steps), steps[-1])

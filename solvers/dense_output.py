@@ -40,7 +40,8 @@ class LikeSolveIvp:
 def times_within(solution: Any, t: "ArrayLike") -> np.ndarray:
     """Requested times of a solution as an array, shape (k,).
 
-    ValueError unless they are numbers within it.
+    ValueError unless they are numbers within it; the message quotes 60 characters of them.
+    `solution` is a `polhode.solvers.solve.Solution` here and below.
     """
     rows = solution.times
     times = np.empty((0, 0))
@@ -73,7 +74,7 @@ def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.n
     row. If a run has segments with problems of their own, the exact problem serves; solvers that
     choose their step over many periods leave this to an explicit Runge-Kutta method of order 8.
     ValueError if the solver fails between two rows, or if a function of one's own computes
-    something else by now.
+    something else by now. `run` is `polhode.solvers.solve.solve`, whose module imports this one.
     """
     row_times = solution.times
     settings = solution.settings

@@ -9,16 +9,18 @@ from polhode.solvers.catalogue import solver
 from polhode.solvers.compile import array_callback, parameter_array
 from polhode.solvers.contract import installed
 
-# Steps after which the path ends, as in `cyrk`; by estimate. Averaged equations take far fewer: where
-# they do not, averaging breaks down.
+# Steps after which the path ends, as `_MOST_STEPS` in `cyrk`. An estimate: averaged equations take far
+# fewer, and where they do not, averaging breaks down.
 _MAX_STEPS = 2000
 
 
 def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarray, np.ndarray]:
-    """At least `points` times of a solution, dense where its steps are, and the states there.
+    """About `points` times of a solution, and the states there, shapes (n,) and (n, d).
 
-    They end where the solution does. The solver is CyRK's method of order 7, or without CyRK SciPy's
-    of order 8.
+    Times are dense where the solver's steps are, as `cyrk.spread_over` says. They end where the
+    solution does, or after `_MAX_STEPS` steps. A solution that cannot begin has its start alone.
+    `tolerance` is relative and absolute, of a step. The solver is CyRK's method of order 7, or
+    without CyRK SciPy's of order 8.
     """
     if solver("cyrk-vern7").available:
         return cyrk.followed(problem, tolerance, points)

@@ -41,7 +41,7 @@ _FIRST_STEP_CALLS = 1
 # Steps in a row that do not advance the time, after which a run has stalled. An estimate: LSODA takes
 # such steps without end, and calls that no error.
 _STALLED = 1000
-# Progress is checked every 5000 steps, so at least once a second.
+# Steps after which the run is asked whether it crawls (`Record.crawls`). An estimate: a second or less.
 _LOOK = 5000
 
 _lsoda_lock = RLock()

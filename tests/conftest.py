@@ -34,8 +34,8 @@ def pytest_collection_finish() -> None:
 
 # Modules that read the clock for limits of time and for what runs have spent.
 CLOCKS = ("solvers.contract", "solvers.solve", "solvers.segments", "models.spent")
-# How many times slower than the processor's time the clock of `swift_machine` runs: limits then leave
-# ten times as much.
+# How many times slower than the processor's time the clock of `swift_machine` runs. An estimate: limits
+# leave ten times as much, and a run without end still meets them.
 SLOWER = 10
 
 

@@ -63,7 +63,7 @@ _LEAST_STEP = 1e-15
 # time: three times the steps of the slowest of 20 000. If L shrinks to nothing, averaging breaks
 # down, E falls below the tolerance, and steps stay tiny without end.
 _MOST_STEPS = 16.0
-# Further steps per relaxation time, which stability asks for.
+# Further steps per relaxation time: stability bounds a step by 3.3 such times.
 _STEPS_PER_RELAXATION = 4.0
 # Particles under way at once, whose path of `_STEPS` steps is a megabyte or two; an estimate.
 AT_ONCE = 1024
@@ -86,22 +86,22 @@ class _RowAt:
 
     @property
     def rates(self) -> int:
-        """Of the state, after the state, which stands at 0."""
+        """First place of the state's rates; the state itself stands at 0."""
         return self.dimension
 
     @property
     def bend(self) -> int:
-        """Of the step that led to the state."""
+        """First place of the bend of the step that led to the state."""
         return 2 * self.dimension
 
     @property
     def time(self) -> int:
-        """Of the state."""
+        """Place of the state's time."""
         return 3 * self.dimension
 
     @property
     def step(self) -> int:
-        """The next one to be tried."""
+        """Place of the next step to be tried, a time."""
         return 3 * self.dimension + 1
 
     @property

@@ -17,12 +17,13 @@ from polhode.solvers.ensembles.methods import RUNGE_KUTTA, Array, Method, method
 from polhode.solvers.ensembles.taylor_batch import run_batches
 from polhode.solvers.machine_code.lanes import by_particle
 
-# Least number of segments of a run. The two runs of a particle are compared after every other segment,
-# or at about this many times if there are more segments.
-MIN_SEGMENTS = 16
 # Numbers that are called estimates here are no results of a recorded measurement. They change what an
 # ensemble costs, and how many particles run anew; errors are measured, on the sample and by a check of
 # each particle.
+#
+# Least number of segments of a run. The two runs of a particle are compared after every other segment,
+# or at about this many times if there are more segments. An estimate.
+MIN_SEGMENTS = 16
 
 # Share of the sample whose error stays below the one that the chosen steps are to meet; an estimate.
 _BOUNDED_SHARE = 0.98
@@ -32,9 +33,11 @@ _AIM = 0.5
 # Largest error of a reference over the tolerance, by comparison with half as many steps: a twentieth
 # leaves the errors of methods as they are.
 _SURE = 0.05
-# Most times that a reference's number of steps is doubled; an estimate: 256 times the first guess.
+# Most runs for a reference, each with twice as many steps as the one before; an estimate. The last one
+# has 128 times the first guess.
 _DOUBLINGS = 8
-# Order of the methods by which the number of steps follows from an error.
+# Order by which the number of steps follows from an error: DOP853's, and an estimate for splittings. The
+# next trial corrects what is wrong with it.
 _ORDER = 8
 # Trials of a number of steps, per method; an estimate.
 _ROUNDS = 6
@@ -74,7 +77,9 @@ class Plan:
     apart: float
     # Bound of most errors of the sample (`_BOUNDED_SHARE`), before particles in doubt are run anew.
     error: float
-    cost: float  # of a particle, in flows of a splitting
+    # Of a particle from one time to the next, check and runs anew included; one unit is a slow and a
+    # fast flow of a splitting.
+    cost: float
 
 
 def plan(problem: Problem, sample: Array, times: Array, tolerance: float) -> Plan | None:
@@ -153,7 +158,7 @@ def _march(by: Method, starts: Array, times: Array, steps: int) -> Array:
 
 
 def _step(times: Array, steps: int) -> float:
-    """Length of a step, with so many from one time to the next."""
+    """Length of a step, in the problem's time, with so many from one time to the next."""
     return float(times[-1]) / (len(times) - 1) / steps
 
 
@@ -188,7 +193,7 @@ def _in_segments(times: Array) -> tuple[Array, int]:
 
 
 def _first_steps(problem: Problem, sample: Array, times: Array) -> int:
-    """Steps between two times that are a fair guess."""
+    """Number of steps between two times that is a fair guess."""
     rates = problem.field(ARRAYS)(sample.T, parameter_array(problem))
     length = _ANGLE / max(_LEAST_RATE, *(float(np.max(np.abs(rate))) for rate in rates))
     strength = problem.parts.strength(problem.parameters or ()) if problem.parts else 0.0

@@ -18,7 +18,8 @@ def run_one_by_one(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Solve a problem from starts, shape (n, d): states, shape (m, n, d), and statuses.
 
-    States are NaN from the time on at which a particle failed.
+    States are NaN from the time on at which a particle failed. The tolerance is relative and absolute,
+    of a step of Verner's method of order 8 or what is installed in its place.
     """
     method = available_like("cyrk-vern8")
     states = np.full((len(times), *starts.shape), np.nan)

@@ -38,8 +38,9 @@ def run_batches(
 
     States of a particle that failed are NaN. Particles of like speed share a batch, so that no lane
     waits long for the others. The problem has no periodic components, whose angles would need
-    wrapping; the times increase from 0 to the end; the tolerance is heyoka's `tol`. Without heyoka
-    the particles run one by one.
+    wrapping; the times increase from 0 to the end; the tolerance is heyoka's `tol`. A particle that
+    needs more than `max_steps` steps has failed. Without heyoka the particles run one by one, with
+    that module's own limit.
     """
     if not installed("heyoka"):
         if own_parameters is not None:
@@ -77,7 +78,7 @@ def run_batches(
 
 
 def _propagate(integrator: Any, starts: np.ndarray, grid: np.ndarray, max_steps: int) -> np.ndarray:
-    """States, shape (m, lanes, d), of one batch."""
+    """States, shape (m, lanes, d), of one batch from starts, shape (lanes, d), on a grid, shape (m, lanes)."""
     integrator.set_time(0.0)
     integrator.state[:] = starts.T
     states = integrator.propagate_grid(grid, max_steps=max_steps)[_STATES]
@@ -85,7 +86,7 @@ def _propagate(integrator: Any, starts: np.ndarray, grid: np.ndarray, max_steps:
 
 
 def _speed(problem: Problem, starts: np.ndarray, parameters: np.ndarray) -> np.ndarray:
-    """Square of the state's rate of change at the start, shape (n,)."""
+    """Square of the state's rate of change at each start, shape (n,): batches are sorted by it."""
     with np.errstate(all="ignore"):
         rates = problem.field(ARRAYS)(starts.T, parameters)
         return sum((np.square(rate) for rate in rates), start=np.zeros(len(starts)))

@@ -77,4 +77,5 @@ def lanes(
             with program.times(steps):
                 y.store(step(y.load(dimension), c))
             (at + dimension).store(after(y.load(dimension), c) if after else y.load(dimension))
+    # The map runs many times, so that LLVM's highest level is worth its time; an estimate.
     return Lanes(compiled(program, level=3)[0], dimension)

@@ -23,7 +23,7 @@ import numpy as np
 from polhode.solvers.contract import Record
 from polhode.solvers.parts.kernels import CheckAt, LawAt
 
-# Of the law above; estimates.
+# Of the law above; estimates. The coefficient is an inverse time, in the problem's unit.
 _ORDER = 6
 _POWER = 2.0
 _COEFFICIENT = 6e-7

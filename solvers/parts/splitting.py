@@ -36,8 +36,8 @@ _SHEAR = 0.5
 # From this rate of relaxation on no means over compositions are taken: for what relaxes in far less
 # than a step they diverge. An estimate.
 _STRONG = 10.0
-# Share of the reach of a fast flow that steps make use of; what leads to a row a step away may take
-# a tenth more.
+# Share of the reach of a fast flow that steps make use of; an estimate. Where relaxation is strong, a row
+# may lie a whole step away: `ABA` leads there, by flows of up to a tenth beyond the reach.
 _WIDEST = 0.99
 # Plans are made anew after these shares of a run, as motion settles. These and the next three are
 # estimates: new plans cost checks, old ones may be too fine or too coarse for what the motion has become.

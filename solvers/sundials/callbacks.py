@@ -22,9 +22,9 @@ from polhode.solvers.unwarned import UNWARNED
 
 Rates = Callable[[float, np.ndarray, np.ndarray], None]
 
-# Right-hand sides between two looks at the time reached; one and the same time twice is a stall. No step
-# takes so many but for the differences of a Jacobian, one right-hand side for each component: for those
-# there are as many for each component. Both are estimates.
+# Right-hand sides between two looks at the time reached; one and the same time twice is a stall. A step
+# takes as many only for the differences of a Jacobian, which take one for each component. So a look
+# waits for the larger of 1000, and 3 for each component. Both are estimates.
 _LOOK = 1000
 _LOOK_PER_COMPONENT = 3
 

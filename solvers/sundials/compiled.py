@@ -25,7 +25,8 @@ from polhode.solvers.machine_code.tracing import trace
 from polhode.solvers.machine_code.underflow import FlushedToZero
 from polhode.solvers.sundials.library import FAILURES, TOO_MUCH_WORK, Sundials, posed
 
-# Steps between two looks at deadline and Ctrl-C: a tenth of a second at most.
+# Steps between two looks at deadline and Ctrl-C. An estimate: they take some 0.02 to 0.1 s with the forms
+# of the equations, longer with a field that costs more.
 _CHUNK = 20_000
 # IDA's IDA_YA_YDP_INIT (ida.h): `CalcIC` finds the algebraic components and the derivatives of the
 # others.
@@ -54,7 +55,10 @@ class ReportAt:
 
 
 class Memory:
-    """A problem in the library's memory, which is freed with this object; every run or segment of it begins anew."""
+    """A problem in the library's memory, which is freed with this object; every run or segment of it begins anew.
+
+    `method` has the arguments of the library's constructor: CVODE's number of the method, none of IDA.
+    """
 
     def __init__(
         self, library: Sundials, problem: Problem, settings: Settings, method: tuple[int, ...]
@@ -82,6 +86,7 @@ class Memory:
         self._owned.append(("SUNContext_Free", ctypes.addressof(box), box))
         context = box.value
         library("SUNContext_ClearErrHandlers", context)
+        # The library's views of these arrays: its "vectors".
         arrays = (self.start, self.slope, self.residual, self.differential)
         vectors = [self._vector(array, context) for array in arrays]
         self.state, self.rate, self.rest, identity = vectors

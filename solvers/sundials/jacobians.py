@@ -82,7 +82,7 @@ class _Differences:
     """A sparse Jacobian by differences, columns without a common row at once.
 
     Such columns form a group: their components are moved together, as each rate answers to one of
-    them at most.
+    them at most. Right-hand sides called here are not in the run's count.
     """
 
     def __init__(self, problem: Problem, pattern: Any) -> None:

@@ -61,6 +61,7 @@ def _check_index(problem: Problem, name: str) -> None:
     if problem.dimension > _MAX_CHECKED:
         return
     mass, values = posed(problem, True)
+    # Only the back end is read; the tolerance may be any number.
     rates = rates_of(problem, Settings(1.0, "python"), values)
     # A start that is not consistent is another matter: the run says so.
     with suppress(RuntimeError, ArithmeticError, np.linalg.LinAlgError):
