@@ -263,7 +263,8 @@ def _fitting(
         errors = _apart(reference.states, states)[: len(sample)]
         apart = _doubt(by, sample, times, count, states)
         wrong = ~(errors <= _AIM * tolerance)
-        # Doubtful are as many as most, and all that err too much in the sample.
+        # Largest difference without doubt: the bound of most, or less where a particle of the sample
+        # with a smaller difference errs too much, or where an error of the tolerance shows less.
         doubt = min(
             float(apart[wrong].min(initial=np.inf)), _bound_of_most(apart), tolerance * by.sure
         )

@@ -130,7 +130,10 @@ def _runge_kutta(field: Factory, dimension: int, parameters: int) -> tuple[Lanes
 
 
 def change(h: Any, shares: Sequence[float], slopes: Sequence[Sequence[Any]]) -> list[Any]:
-    """Change of each component in a step of length h, by the shares of slopes."""
+    """Change of each component in a step of length h, by the shares of slopes.
+
+    Shares behind those of the slopes given are 0: in a table's row they belong to later stages.
+    """
     used = [(share, slope) for share, slope in zip(shares, slopes, strict=False) if share]
     changes = list[Any]()
     for i in range(len(slopes[0])):

@@ -73,7 +73,9 @@ def constant_counts(parts: Parts) -> tuple[int, int]:
 class Flows:
     """The flows of kernels.
 
-    `prepare` computes the constants of a step's flows, `spread` moves rows by a step.
+    `prepare` computes the constants of a step's flows, `spread` moves rows by a step. `number` is
+    the type of numbers, float or `numpy.longdouble`; SIMD lanes hold no long doubles, so that rows
+    of these are moved one by one.
 
     Chains are compositions of flows beside each other, each in a SIMD lane. Row i of an array of
     constants belongs to stage i, and holds those of a fast flow, then those of the slow flow behind

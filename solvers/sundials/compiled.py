@@ -113,6 +113,7 @@ class Memory:
             self._set("SetJacFn", self.jacobian.address)
         if self.implicit:
             self._set("SetId", identity)
+            # Time; vectors of state, slope and residual; the field's data.
             kind = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, *[ctypes.c_void_p] * 4)
             self._residual = self.field.function(kind)
         self._advance = _loop(library)
@@ -263,6 +264,7 @@ def _loop(library: Sundials) -> Callable[..., int]:
         "differences": library[f"GetNumLin{kind}Evals"],
     }
     code = compile_file(Path(__file__).with_name("rows.ll"), library, **fields)
+    # Six addresses and four whole numbers, as `Memory.advance` passes them.
     return code.function(
         ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6, *[ctypes.c_int64] * 4)
     )

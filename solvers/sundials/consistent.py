@@ -45,7 +45,11 @@ def full(mass: np.ndarray) -> np.ndarray:
 def consistent(
     rates: Rates, mass: np.ndarray, time: float, start: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """State and slope at the start; RuntimeError if there are none near, IndexAboveOneError as it says."""
+    """State and slope at the start, shape (d,) each.
+
+    ``rates(t, y, out)`` fills `out`; `mass` has shape (d,) or (d, d). RuntimeError if there are none
+    near `start`, IndexAboveOneError if the algebraic equations alone do not fix the algebraic variables.
+    """
     left, values, right = np.linalg.svd(full(mass))
     rank = int((values > _ZERO * values[0]).sum())
     # Rows of `differential` and `algebraic` combine equations; columns of `free` are directions of
@@ -86,7 +90,7 @@ def consistent(
 def _differences(
     at: Callable[[float, np.ndarray], np.ndarray], time: float, state: np.ndarray, now: np.ndarray
 ) -> np.ndarray:
-    """The Jacobian by differences."""
+    """The Jacobian of rates, shape (d, d), by forward differences; `now` are the rates at the state."""
     jacobian = np.empty((len(state), len(state)))
     for j in range(len(state)):
         moved = state.copy()

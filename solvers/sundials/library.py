@@ -104,7 +104,10 @@ def _major_version(library: Sundials) -> int:
 
 
 def posed(problem: Problem, implicit: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Masses and parameters of the equations: by the mass form if they are implicit and there is one."""
+    """Masses and parameters of the equations: by the mass form if they are implicit and there is one.
+
+    Masses have shape (d,), or (d, d) of a user's full mass matrix.
+    """
     form = problem.mass_form if implicit else None
     mass = np.array(form.mass) if form else np.ones(problem.dimension)
     return mass, np.array(form.parameters) if form else parameter_array(problem)
