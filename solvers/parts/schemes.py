@@ -1,7 +1,8 @@
 """Coefficients of steps: compositions of the flows of two parts (`schemes.toml`), and DOP853.
 
 A *share* is a flow's time over the step's. A step of s stages takes s + 1 fast flows and s slow
-ones in turns: fast, slow, fast, ..., slow, fast.
+ones in turns: fast, slow, fast, ..., slow, fast. Steps h of ABA(10,6,4) err by ε h¹⁰, ε² h⁶ and
+ε³ h⁴, where ε is the size of the slow part over the fast one's; other names are read alike.
 """
 
 import tomllib
@@ -119,7 +120,11 @@ for _scheme in (*SCHEMES, PARALLEL):
 
 @once()
 def dop853() -> SimpleNamespace:
-    """SciPy's coefficients of DOP853, without the 0.2 s that its package takes to import."""
+    """SciPy's coefficients of DOP853, without the 0.2 s that its package takes to import.
+
+    They have the names of SciPy's module: A and B of the method, D of the interpolant, E3 and E5 of
+    the error estimates, `N_STAGES` and further ones.
+    """
     need("the coefficients of DOP853", "scipy")
     scipy = find_spec("scipy")
     assert scipy is not None
