@@ -1,9 +1,10 @@
-"""A reference for any problem: a tight run, a looser one, and methods unlike it that look where it may be blind.
+"""A reference solution of a user's own problem, or of a test problem: `reference_of`.
 
-Two runs of one method share its blindness: both step over a pulse, or over a kink. So an unlike
-method begins anew at every sample, from the reference's own states, with a limit on its largest
-step. If it lands elsewhere, the reference gives way to runs of such methods, and their difference is
-its uncertainty.
+The reference is a tight run, and a looser run gives its uncertainty. Two runs of one method share
+its blindness: both step over a short pulse or a kink of the right-hand side. So an unlike method,
+the "witness", begins anew at every sample from the reference's states, with a limit on its step
+size. If its states differ, two unlike methods make the reference, and their difference is its
+uncertainty.
 """
 
 from collections.abc import Callable
@@ -31,10 +32,10 @@ _MAX_STEPS = 50_000
 
 
 class _Witness(NamedTuple):
-    """A method that looks over the reference."""
+    """A method that solves the reference's segments again."""
 
     solvers: tuple[str, ...]  # The first one that is installed runs.
-    tolerance: float
+    tolerance: float  # Relative, and absolute over the largest value of each component.
     # Largest deviation from one sample to the next, over a component's size, that confirms the reference.
     allowed: float
 
@@ -42,24 +43,24 @@ class _Witness(NamedTuple):
 class _Pair(NamedTuple):
     """Two unlike methods whose runs stand in where Taylor's method is no reference."""
 
-    # The first of these solvers that is installed gives the reference, at a tight tolerance, and a looser run.
+    # The first of these solvers that is installed gives the reference and a looser run.
     solvers: tuple[str, ...]
-    tight: float
-    loose: float
+    tight: float  # Relative tolerance of the reference.
+    loose: float  # Relative tolerance of the looser run.
     # The first of these ones gives a run to compare with.
     unlike_solvers: tuple[str, ...]
     unlike_tolerance: float
 
 
 # The first witness counts that takes the problem and gets through: explicit methods first, which have the
-# tightest tolerance. A deviation is allowed of a thousand or ten thousand times the tolerance, as the
-# errors of steps add up. Both numbers are estimates.
+# tightest tolerance. The allowed deviation is a thousand or ten thousand times the tolerance, as the
+# errors of steps add up. Tolerances and allowed deviations are estimates.
 _WITNESSES = (
     _Witness(("cyrk-dop853", "dop853"), 1e-12, allowed=1e-9),
     _Witness(("cyrk-radau", "radau"), 1e-9, allowed=1e-6),
     _Witness(("cvode-bdf", "bdf"), 1e-10, allowed=1e-6),
 )
-# The explicit pair first. Tolerances are estimates; a loose run has a hundred times the tolerance of the
+# The explicit pair first. Tolerances are estimates. A loose run has a hundred times the tolerance of the
 # tight one.
 _PAIRS = (
     _Pair(
@@ -80,40 +81,56 @@ _PAIRS = (
 # Absolute over relative tolerance of the pairs' runs, over the size of the start. An estimate: components down
 # to a millionth of the start's size are followed by the relative tolerance.
 _SMALL = 1e-6
-# Error that double precision leaves in a run of some thousand steps, in the measure of the errors: √n ulps.
+# Error that double precision leaves in a run of n ≈ 2,000 steps: √n ulps, with 2.2e-16 for an ulp. It is in
+# the measure of the errors.
 _ROUNDING = 1e-14
-# Deviation of two unlike runs, in the measure of the errors, up to which they confirm each other: a run
-# that differs by more is ten times as uncertain as its deviation (`SAFETY`). An estimate.
+# Deviation of two unlike runs, in the measure of the errors, up to which they confirm each other. An
+# estimate. The uncertainty of runs that differ by more is ten times their deviation (`SAFETY`).
 _CONFIRMED = 1e-5
 
-# Two unlike runs may err alike: the uncertainty is at least this multiple of their deviation. An estimate; the
-# stated uncertainty is in proportion to it.
+# Two unlike runs may err alike: the uncertainty is at least this multiple of their deviation. An estimate, to
+# which the stated uncertainty is proportional.
 _ALIKE = 3.0
-# Solvers, by the beginnings of their names, that a limit on the step costs little: it costs Python's methods
-# seconds. Each of the `_PAIRS` has one of them.
+# Beginnings of the names of compiled solvers. Only they get a limit on the step: its many steps take seconds
+# by solvers in Python. Each of the `_PAIRS` has one of them.
 _LIMITED = ("cyrk", "cvode")
 
-# How far states of shape (n, d) are from others: a number, such as the largest error over all rows.
+# The measure of the errors: how far states of shape (n, d) are from reference states of that shape. It is a
+# number, such as the largest error over all rows.
 Measure = Callable[[np.ndarray, np.ndarray], float]
 
 
 @dataclass(frozen=True)
 class OwnReference:
-    """States of a problem, shape (n, d), their uncertainty in the measure of the errors, and where they come from."""
+    """Reference of a problem that is no scene's."""
 
-    states: np.ndarray
-    uncertainty: float
-    source: str
+    states: np.ndarray  # Shape (n, d).
+    uncertainty: float  # In the measure of the errors.
+    source: str  # The methods that made it and confirmed it, in words.
 
 
 def reference_of(
     problem: Problem, times: np.ndarray, measure: Measure, max_seconds: float
 ) -> OwnReference:
-    """The reference of a problem at n times from 0 on; each run of it may take `max_seconds`.
+    """The reference of a problem.
 
     Taylor's run in long double is the reference, if a witness confirms it. Else the `_PAIRS` are tried, until
-    one is confirmed; if none is, the least uncertain one is the reference. Raises ReferenceFailedError, with
-    the reasons, if no method has one.
+    one is confirmed. If none is, the least uncertain one is the reference.
+
+    Parameters
+    ----------
+    problem : Problem
+    times : numpy.ndarray
+        Shape (n,), increasing from 0, in the problem's own time.
+    measure : callable
+        ``measure(states, reference) -> error``, the measure of the errors.
+    max_seconds : float
+        Limit of each run, and of all segments of a witness together.
+
+    Raises
+    ------
+    ReferenceFailedError
+        If no method has a reference, with the reasons.
     """
     reasons = []
     try:
@@ -142,6 +159,7 @@ def reference_of(
             break
     if best:
         return best
+    # Algebraic equations have no explicit form, and no parameters of one.
     if problem.mass_form is not None and problem.parameters is None:
         raise ReferenceFailedError(
             f"{problem.name}: no reference for algebraic equations; give reference="
@@ -150,7 +168,7 @@ def reference_of(
 
 
 def _size(problem: Problem) -> float:
-    """The largest component of the start, but for the time if the state has one; 1 if all are 0."""
+    """The largest component of the start, 1 if all are 0. A time as last component does not count."""
     return float(np.abs(problem.start[: problem.dimension - problem.timed]).max(initial=0.0)) or 1.0
 
 
@@ -167,8 +185,10 @@ def _by_taylor(
     if not extends_precision():
         raise ReferenceFailedError("long double is not x86's of 80 bits here")
     taylor.check(problem)
+    # heyoka's tolerance is absolute below 1: in these units it is absolute below the start's size.
     units = np.full(problem.dimension, _size(problem))
     runs = []
+    # `LONG_DOUBLE` has the tight run, then the loose one.
     for precision, tolerance in LONG_DOUBLE:
         # Compilation, which is cached, is not the run's time.
         Bound(problem, tolerance, precision, units)
@@ -190,9 +210,10 @@ def _first(names: tuple[str, ...], problem: Problem) -> str | None:
 def _witnessed(
     problem: Problem, times: np.ndarray, exact: np.ndarray, max_seconds: float
 ) -> tuple[str, float]:
-    """The solver that looked over the reference, "" if none, and its largest deviation over the allowed one.
+    """Name of the witness that got through, and its largest deviation over the allowed one.
 
-    Deviations are over the largest value of their component, or of all components where that is 0.
+    ("", inf) if none got through. `exact` has the reference's states, shape (n, d). Deviations are over the
+    largest value of their component, or of all components where that is 0.
     """
     # A state's own time, its last component if it has one, is no part of the comparison.
     components = problem.dimension - problem.timed
@@ -220,10 +241,10 @@ def _segments_deviation(
     size: np.ndarray,
     max_seconds: float,
 ) -> float | None:
-    """Largest deviation of runs that begin anew at every sample and end at the next; None if one fails.
+    """Largest deviation of runs that begin anew at every sample and end at the next.
 
-    `states` has the reference's states, shape (n, d), at `times`, shape (n,). Deviations are over `size`,
-    shape (d,) without the time. All runs together may take `max_seconds`.
+    None if a run fails. `states` has the reference's states, shape (n, d), at `times`, shape (n,). Deviations
+    are over `size`, shape (d,) without the time. All runs together may take `max_seconds`.
     """
     deadline = perf_counter() + max_seconds
     components = len(size)
@@ -240,6 +261,7 @@ def _segments_deviation(
             tolerance,
             atol=(tolerance * size).tolist(),
             max_seconds=left,
+            # A run that stepped over the end of its solution would deviate: no need to look for that.
             doubt=False,
             **limits,
         )
@@ -253,7 +275,7 @@ def _segments_deviation(
 def _by_pair(
     problem: Problem, times: np.ndarray, measure: Measure, max_seconds: float, pair: _Pair
 ) -> OwnReference | str:
-    """The reference by the tight run of a pair, and its uncertainty by the other runs; else why there is none."""
+    """The reference by the tight run of a pair, its uncertainty by the other runs; or why there is none."""
     name = _first(pair.solvers, problem)
     unlike_name = _first(pair.unlike_solvers, problem)
     if name is None or unlike_name is None:
@@ -273,6 +295,7 @@ def _by_pair(
         if not run.success:
             return f"{solver}: {run.status}"
         runs.append(run.states)
+        # Some libraries do not tell their steps.
         steps = max(steps, run.work.steps or _LEAST_STEPS)
     tight, loose, unlike = runs
     deviation = measure(unlike, tight)
@@ -293,8 +316,9 @@ def _at_shifted_times(
 ) -> np.ndarray:
     """States, shape (n, d), at times that are off by the rounding of a sum of `steps` steps, to first order.
 
-    All runs whose steps have one limit share that error, whatever their method and tolerance.
+    Runs whose steps have the same limit share that error, whatever their method and tolerance.
     """
+    # Each step rounds the time by an ulp at most. All are taken to round to the same side.
     shifts = steps * float(np.finfo(float).eps) * times[:, None]
     field = plain_field(problem.field)
     parameters = problem.field_parameters

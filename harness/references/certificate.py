@@ -1,8 +1,10 @@
-"""Certificates of references: short segments solved again by an unrelated method in another form, and back again.
+"""Certificates of references: short segments solved again, forwards and backwards.
 
-A segment starts from the reference's own observables, or from its state where the form is averaged. Its end is
-compared with the reference there: the difference of the two over the other method's own error, the "ratio",
-must be at most 1. The reference's own method then goes back over the segment.
+Forwards, an unrelated method solves a segment in another form. It starts from the reference's own
+observables, or from its state where the form is averaged. Its end is compared with the reference
+there. The "ratio" is the difference of the two over the other method's own error; it must be at
+most 1. Backwards, the reference's own method returns over the segment, and its ratio must be at
+most 1 too.
 """
 
 from dataclasses import dataclass, replace
@@ -24,41 +26,43 @@ from polhode.solvers.solve import solve
 
 # Segments of a run, evenly spread over it. An estimate: a certificate takes a time in proportion to it.
 _SEGMENTS = 24
-# Segments that must agree with the reference, and none may disagree: the others may run into the other
-# form's singularity. An estimate: a larger number would refuse references that pass it often.
+# Segments that must agree with the reference. None may disagree: the others may run into the other form's
+# singularity. An estimate: a larger number would refuse references that pass singularities often.
 _REQUIRED = 20
-# Longest segment that a solver is given, in units of the inverse shear rate for full forms, in slow
-# time for averaged ones: methods of low order are slow. Estimates: the time grows in proportion.
+# Longest segment that a solver is given, in the form's own time: the inverse shear rate for full forms, slow
+# time for averaged ones. The slower solvers have shorter ones. Estimates: the cost grows in proportion.
 _LONGEST = {"cyrk-vern8": 500.0, "exact": 500.0, "ida": 20.0, "dop853": 20.0}
 # Methods unrelated to Taylor's, the quicker one first.
 _UNRELATED = ("cyrk-vern8", "dop853")
 # Going back amplifies by exp(max(8πX/I) Δt/St): segments that go back keep the exponent below this, an
 # estimate. 8πX/I is the damping rate about a body axis at St = 1 (`Ellipsoid.damping`).
 _LARGEST_EXPONENT = 5.0
-# Tight and loose tolerance of the other method. Its own error at the tight one is a sum: the tolerance, the
-# difference of the loose run, ten times the effect of an ulp in the start, an ulp for each step, and
-# rounding of the numbers compared. An ulp for each step holds for L and E too, whose rounding adds up: to
-# 2e-12 in 10,000 steps of a disc at St = 3e5, where √n ulps are 2e-14. (An ulp is the distance of
-# neighbouring numbers in double precision.)
+# Tight and loose tolerance of the other method. They are estimates, near the smallest that each one keeps. The
+# closed form of "exact" has no tolerance: its number only counts as error.
+# The method's own error at the tight one is a sum: the tolerance, the difference of the loose run, ten times
+# the effect of an ulp in the start, an ulp for each step, and rounding of the numbers compared. (An ulp is the
+# distance of neighbouring numbers in double precision.) An ulp for each step holds for L and E too, whose
+# rounding adds up: to 2e-12 in 10,000 steps of a disc at St = 3e5, where √n ulps are 2e-14.
 _TOLERANCES = {
     "cyrk-vern8": (1e-14, 1e-13),
     "dop853": (1e-13, 1e-12),
     "ida": (1e-12, 1e-11),
     "exact": (1e-15, 1e-15),
 }
-# Multiple of the effect of an ulp in the start, since rounding of later steps is amplified too. An estimate: a
-# smaller one would refuse more references, a larger one would overlook larger errors.
+# Multiple of the effect of an ulp in the start that counts as error: rounding of later steps is amplified too.
+# An estimate. A smaller one would refuse more references, a larger one would overlook larger errors.
 _ULPS = 10.0
 # Rounding of the numbers compared, over max(1, their size). An estimate of some fifty ulps.
 _ROUNDING = 1e-14
-# Share of `_LARGEST_EXPONENT` that a shortened segment has, so that rounding never takes it beyond the limit.
+# Share of `_LARGEST_EXPONENT` that a shortened segment has: rounding does not take it beyond the limit. Any
+# number just below 1 would do.
 _SHORTENED = 0.9
-# Largest rate, in shear rates, that the damping over St counts as, so that products with it stay finite.
+# Largest 1/St that counts, so that products with it stay finite at St = 0.
 _LARGEST_RATE = 1e300
 # The body axis z', about which Euler angles and symmetry axes are taken.
 _THIRD_AXIS = 2
-# Four ways to move the numbers of a start by an ulp, up and down: the rows are orthogonal to each other, so
-# that no direction of a start of four numbers escapes all of them.
+# Four ways to move the numbers of a start by an ulp, up and down. The rows are orthogonal: no direction of a
+# start of four numbers escapes all of them. A longer start repeats a row's signs.
 _SIGNS = np.array([[1.0, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]])
 
 
@@ -83,10 +87,11 @@ class Segment(NamedTuple):
 
 
 def segments(scene: Scene, form: Form, end: float) -> list[Segment]:
-    """Segments evenly spread over a run to `end`."""
+    """Segments evenly spread over a run from 0 to `end`, in the form's own time."""
     _, solver = opposite(scene, form)
     length = min(end / _SEGMENTS, _LONGEST[solver])
-    # The fastest damping about a body axis, in the form's own time: slow time if it is averaged.
+    # The fastest damping about a body axis, in the form's own time: slow time if it is averaged, where the
+    # factor 1/St is part of the time.
     damping = max(scene.ellipsoid.damping)
     if not form.averaged:
         damping *= min(scene.torque_factor, _LARGEST_RATE)
@@ -100,7 +105,7 @@ def segments(scene: Scene, form: Form, end: float) -> list[Segment]:
 def certify(
     scene: Scene, form: Form, problem: Problem, states: dict[float, np.ndarray]
 ) -> Certificate:
-    """Solve the segments of a reference's run again, forwards by an unrelated method and backwards by its own.
+    """Solve the segments of a reference's run again, forwards and backwards.
 
     `states` has the reference's states, shape (d,), by the times of `segments`; `problem` is what it solves.
     Raises ReferenceFailedError if a segment disagrees by more than the other method's own error, or
@@ -123,7 +128,9 @@ def certify(
             )
         if ratio is not None:
             agreed += 1
+            # `np.maximum` keeps a NaN, `max` may lose it.
             worst = np.maximum(worst, ratio)
+        # At St = 0 the part to go back over has no length (`segments`).
         if scene.stokes > 0:
             worst = np.maximum(worst, _backward(scene, form, problem, states, start, turn))
             back += 1
@@ -147,7 +154,10 @@ def observe(form: Form, scene: Scene, states: np.ndarray) -> Observables:
 
 
 def opposite(scene: Scene, form: Form) -> tuple[str, str]:
-    """Names of another form and of an unrelated solver; averaged forms have no second form of their own."""
+    """Names of another form and of a solver unrelated to Taylor's method.
+
+    Averaged forms have no second form: they keep their own.
+    """
     if form.averaged:
         return form.name, first_available(*_UNRELATED)
     spheroidal = scene.ellipsoid.kind in ("prolate", "oblate")
@@ -164,8 +174,8 @@ def opposite(scene: Scene, form: Form) -> tuple[str, str]:
 def restart(scene: Scene, observables: Observables, ulps: np.ndarray) -> BodyStart:
     """Start from observables at one time; `ulps`, shape (4,), moves quaternion and L, in ulps.
 
-    All four move the quaternion's components, by half an ulp of 1 each. The last three also move L_x to
-    L_z, by an ulp of each.
+    All four move the quaternion's components, by half an ulp of 1 each. The last three also move L_x, L_y
+    and L_z, each by an ulp of itself.
     """
     rotation = observables.rotation[0].astype(float)
     ulp = np.finfo(float).eps * ulps
@@ -183,11 +193,13 @@ def _other_form(
     after: Observables,
     length: float,
 ) -> float | None:
-    """Ratio of difference to own error of a segment solved again; None where it cannot be solved.
+    """Ratio of a segment solved again in another form; None where it cannot be solved.
 
-    Euler angles are tried about the three body axes in turn, until one agrees with the reference.
+    `before` and `after` are the reference's observables at its start and end, one time each. Euler angles are
+    tried about the three body axes in turn, until one agrees with the reference.
     """
     form = find_form(form_name)
+    # Other forms have no pole: their axes keep their names.
     axes = _axes_off_the_pole(before) if form_name == "euler-angles" else [_THIRD_AXIS]
     ratios: list[float] = []
     for axis in axes:
@@ -232,7 +244,7 @@ def _renamed(observables: Observables, axis: int) -> Observables:
 def _same_form(
     scene: Scene, form: Form, solver: str, before: np.ndarray, after: Observables, length: float
 ) -> float | None:
-    """Ratio as of `_other_form` for an averaged form, from the reference's state at the start, shape (d,)."""
+    """Ratio as of `_other_form` for an averaged form, from the reference's state `before`, shape (d,)."""
     state = before.astype(float)
     ulps = np.finfo(float).eps * np.resize(_SIGNS, (len(_SIGNS), len(state)))
     problem = replace(form.problem(scene), end=length)
@@ -246,7 +258,7 @@ def _same_form(
 def _tried(
     scene: Scene, form: Form, solver: str, problems: list[Problem], after: Observables
 ) -> float | None:
-    """Ratio of solving a segment from its start, at two tolerances, and from starts moved by an ulp.
+    """Ratio of a segment solved at two tolerances, and from starts moved by an ulp; None if a run fails.
 
     The first of `problems` starts from the reference itself, the others from moved starts.
     """
@@ -273,8 +285,9 @@ def _compare(
 ) -> float:
     """Ratio of difference to own error, of L and E or of the orientation, whichever is larger.
 
-    The run `tight` is compared with the reference. `loose` has a looser tolerance, and the runs `moved`
-    start elsewhere by an ulp. `accumulated` is what tolerance and steps add to the run's own error.
+    All observables are of one time, the segment's end. The run `tight` is compared with the reference.
+    `loose` has a looser tolerance, and the runs `moved` start elsewhere by an ulp. `accumulated` is what
+    tolerance and steps add to the run's own error.
     """
     deviation = errors(ellipsoid, tight, reference)
     numerical_error = errors(ellipsoid, loose, tight)
@@ -297,7 +310,10 @@ def _backward(
     start: float,
     turn: float,
 ) -> float:
-    """Ratio of the difference after going back from `turn` to `start` to what an ulp at `turn` makes of it."""
+    """Ratio of a run back from `turn` to `start`: its difference from the reference over an ulp's effect.
+
+    The ulp is one at `turn`.
+    """
 
     def returned_from(state: np.ndarray) -> Observables:
         """Observables at `start` of a run back from a state at `turn`."""

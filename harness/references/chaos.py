@@ -1,7 +1,8 @@
-"""Chaos: how fast neighbouring solutions part, from the variational equations, and what that leaves to compare.
+"""Chaos: how fast neighbouring solutions part, and until when trajectories mean anything.
 
-The tangent v is the small difference of two neighbouring solutions y: v̇ = (∂f/∂y) v along ẏ = f. |v| grows
-like a power of time if the motion is regular, and exponentially if it is chaotic.
+The tangent v is the small difference of two neighbouring solutions y. It obeys the variational
+equations v̇ = (∂f/∂y) v along ẏ = f. |v| grows like a power of time if the motion is regular, and
+exponentially if it is chaotic.
 """
 
 from dataclasses import dataclass, replace
@@ -18,27 +19,28 @@ from polhode.solvers.compile import load_heyoka, parameter_array, tangent_system
 from polhode.solvers.solve import solve
 
 # Tolerance of the tangent's integrator, and of the runs of two neighbours. Both are estimates: growth by
-# factors needs few digits, but the distance of neighbours is small beside their states.
+# factors needs few digits. The second one is 1e-7 of the neighbours' distance (`_NEIGHBOUR`).
 _TIGHT_TOLERANCE = 1e-12
 _NEIGHBOUR_TOLERANCE = _TIGHT_TOLERANCE / 100
 # Intervals of a run. After each of them the tangent is brought back to unit length, and its growth written
 # down. An estimate: the time at which errors become meaningless is known to one interval.
 _INTERVALS = 400
-# In the second half of a run algebraic growth, as a phase error has it, makes at most a few factors of two.
-# Growth beyond this natural logarithm, a factor of 150, is exponential. An estimate.
+# Largest ln of the growth over the second half of a run that counts as regular: a factor of 150. Algebraic
+# growth, as a phase error has it, makes a few factors of two there. An estimate between the two.
 _EXPONENTIAL = 5.0
-# Trajectories are meaningless once an error has grown to this, in rad. An estimate: growth is exponential, so
-# that with half of it the time is hardly shorter.
+# Trajectories are meaningless once an error has grown to this, in rad or in the state's own units. An
+# estimate. Growth is exponential: for half of this number the time is hardly shorter.
 _MEANINGLESS = 1e-2
 # Half the distance of neighbouring numbers of size 1: no run in double precision errs by less.
 _HALF_ULP = 1e-16
-# Distance of two neighbouring solutions: their growth follows the linear equations to 1e-7, rounding errs by 1e-8.
+# Distance of two neighbouring solutions, in the state's units. Their growth follows the linear equations to
+# 1e-7, as the terms left out have its square. Rounding, over this distance, errs by about 1e-8.
 _NEIGHBOUR = 1e-7
 
 
 @dataclass(frozen=True)
 class Growth:
-    """Growth of a small difference v along a solution."""
+    """Growth of the tangent v along a solution, in the Euclidean norm of all components."""
 
     times: np.ndarray  # from 0 on, in the problem's own time, shape (n,)
     logarithm: np.ndarray  # ln |v(t)|/|v(0)|, shape (n,)
@@ -55,14 +57,18 @@ class Growth:
         return self.exponent * (self.times[-1] - self.times[len(self.times) // 2]) > _EXPONENTIAL
 
     def meaningful_until(self, error: float = _HALF_ULP) -> float:
-        """Time at which an error, made at the worst moment, has grown to `_MEANINGLESS`; inf if never."""
+        """Time at which an error, made at the worst moment, has grown to `_MEANINGLESS`; inf if never.
+
+        `error` has the units of `_MEANINGLESS`.
+        """
+        # Growth since the earlier time from which it is largest.
         amplified = self.logarithm - np.minimum.accumulate(self.logarithm)
         beyond = np.flatnonzero(amplified > log(_MEANINGLESS / error))
         return float(self.times[beyond[0]]) if len(beyond) else inf
 
 
 def growth(problem: Problem, intervals: int = _INTERVALS) -> Growth:
-    """Growth along a solution, by the variational equations ẏ = f, v̇ = (∂f/∂y) v, in equal intervals.
+    """Growth along a solution in equal intervals, by the variational equations.
 
     v starts in a generic direction, cos 1, cos 2, …, of which no component vanishes, and is renormalised
     after each interval (Benettin et al., Meccanica 15 (1980) 9). Raises ValueError if an integration fails.
@@ -79,6 +85,7 @@ def growth(problem: Problem, intervals: int = _INTERVALS) -> Growth:
     logarithm = np.zeros(intervals + 1)
     for i, time in enumerate(times[1:], 1):
         outcome = integrator.propagate_until(time)[0]
+        # "time_limit" is heyoka's word for a run that reached its end.
         if outcome != load_heyoka().taylor_outcome.time_limit:
             raise ValueError(
                 f"form {problem.name!r}: the variational equations ended with {outcome} at t = {time:g}"
@@ -125,7 +132,11 @@ def _growth_of_neighbours(problem: Problem, intervals: int) -> Growth:
 
 @OncePerThread
 def tangent_integrator(factory: Factory, dimension: int, parameters: int) -> Any:
-    """Integrator of a field, with these numbers of variables and parameters, and of a tangent."""
+    """heyoka's integrator of a field and a tangent, with these numbers of variables and parameters.
+
+    Its state has the variables, then the tangent: length 2 `dimension`.
+    """
+    # Compact mode compiles in less time, and the code is a little slower.
     system = tangent_system(factory, dimension, parameters)
     return load_heyoka().taylor_adaptive(
         system, [0.0] * len(system), tol=_TIGHT_TOLERANCE, compact_mode=True

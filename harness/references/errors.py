@@ -1,4 +1,7 @@
-"""Errors of one solution against another: each has the name of what it measures."""
+"""Errors of one solution, "found", against a reference at the same times.
+
+Matrices t_ij have the body axis i, in space axes, as row i.
+"""
 
 from dataclasses import dataclass, replace
 from math import inf
@@ -11,18 +14,19 @@ from polhode.models.observables import Observables, angular_velocity, completed
 from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
 
-# Largest angle, in rad, at which a difference of orientation splits into phase and shape to first
-# order: terms of its square, a tenth of it here, are left out. An estimate; twice as large an angle would
-# leave out twice as large a part.
+# Largest angle, in rad, at which a difference of orientation splits into phase and shape. The split is of
+# first order: terms of the square, here a tenth of the angle, are left out. An estimate: twice the angle
+# would leave out twice as large a part.
 _SPLIT_LIMIT = 0.3
-# Samples resolve the power under two conditions. A body turns by less than the first number, an angle in rad,
-# between two of them. Half of them give the same residual to the second number, a share of the residual, or
-# to the third one, over I_max, which rounding makes. All three are estimates: where they are too large, a
-# residual of the quadrature counts as one of the solution.
+# Samples resolve the power of the torque under the conditions of the next three numbers. All are estimates:
+# where they are too large, an error of the quadrature counts as one of the solution.
+# Largest angle, in rad, by which a body turns between two samples.
 _LARGEST_TURN = 0.5
+# Largest difference between the residuals by all samples and by half of them, as a share of the residual.
 _RESOLVED = 0.2
+# The same that rounding makes, of energies over I_max.
 _ROUNDING = 1e-13
-# Fewer intervals than this cannot be halved and still carry a spline; an estimate.
+# Smallest number of intervals of which every second sample still carries a spline. An estimate.
 _LEAST_INTERVALS = 16
 
 
@@ -30,34 +34,33 @@ _LEAST_INTERVALS = 16
 class Errors:
     """Errors along a run: each is the largest over the samples, and None where it cannot be known.
 
-    Errors of L and E (`slow`) are over I_max, angles in rad. The orientation error is the geodesic angle on SO(3)
-    for a triaxial ellipsoid, and the angle between symmetry axes for a spheroid. It is None for a
-    sphere or where a form gives no orientation. It splits, to first order, into a phase along the
-    motion and a shape across it; not beyond `_SPLIT_LIMIT`.
+    Errors of L and E (`slow`) are over I_max, the largest moment of inertia; angles are in rad. The
+    orientation error is the geodesic angle on SO(3) for a triaxial ellipsoid, and the angle between symmetry
+    axes for a spheroid. It is None for a sphere or where a form gives no orientation. Up to `_SPLIT_LIMIT` it
+    splits, to first order, into a phase along the motion and a shape across it.
     """
 
     slow: float
-    worst_sample: int  # of the largest error of L and E
+    worst_sample: int  # index of the sample with the largest error of L and E
     slow_each: tuple[float, ...]  # |ΔL_x|, |ΔL_y|, |ΔL_z| and |ΔE|
     orientation: float | None = None
     phase: float | None = None  # too early or too late on the same orbit
     shape: float | None = None  # another orbit
-    balance: float | None = None  # residual of the energy balance (`balance_residual`)
+    balance: float | None = None  # residual of the energy balance over I_max (`balance_residual`)
 
 
 def errors(
     ellipsoid: Ellipsoid, found: Observables, reference: Observables, scene: Scene | None = None
 ) -> Errors:
-    """Errors of observables at the same n times; ValueError if the numbers of samples differ.
+    """Errors of observables at the same n times.
 
-    L_x, L_y, L_z and E are the four columns of `Observables.slow`.
-
-    The scene that was solved is needed for `Errors.balance` alone, if the samples are equispaced
-    over its duration.
+    The scene that was solved is needed for `Errors.balance` alone. Then the samples must be equispaced over
+    its duration. Raises ValueError if the numbers of samples differ.
     """
     if len(found.energy) != len(reference.energy):
         raise ValueError(f"samples: got {len(found.energy)}, expected {len(reference.energy)}")
     with np.errstate(over="ignore", invalid="ignore"):
+        # Columns: L_x, L_y, L_z and E.
         difference = np.abs(found.slow - reference.slow) / max(ellipsoid.inertia)
     difference = np.where(np.isnan(difference), inf, difference)
     component_errors = np.max(difference, axis=0)
@@ -108,7 +111,10 @@ def orientation_difference(
 def phase_and_shape(
     ellipsoid: Ellipsoid, found: Observables, reference: Observables
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Parts of a difference of orientation along the reference's motion, signed, and across it; shape (n,), in rad."""
+    """Parts of a difference of orientation, shape (n,) each, in rad: along the reference's motion, and across it.
+
+    The first one, the phase, is positive where the solution is ahead. The second one is a size.
+    """
     # To first order the difference is a rotation vector δ in space axes, t_found = t_reference(1 + [δ]×):
     # `offset`. Its part δ·ω/|ω| lies along the motion. For a spheroid `offset` is the difference of the
     # symmetry axes, and `velocity` has the direction of the axis' velocity. At rest the whole difference is
@@ -141,10 +147,10 @@ def attainable(ellipsoid: Ellipsoid, observables: Observables) -> float:
 
 
 def statistics_distance(ellipsoid: Ellipsoid, found: Observables, reference: Observables) -> float:
-    """Largest distance (Wasserstein's W₁) between the distributions over the two runs of an observable.
+    """Largest distance (Wasserstein's W₁) between the distributions of an observable over the two runs.
 
-    They can be compared where trajectories cannot. The observables are the squares of the known
-    entries of t_ij, L_z and E, the last two in units of their largest value.
+    Distributions can be compared where chaos forbids to compare trajectories. The observables are the squares
+    of the known entries of t_ij, L_z and E. The last two are in units of the reference's largest value.
     """
     axes = range(3) if ellipsoid.kind == "triaxial" else [ellipsoid.symmetry_axis or 0]
 
@@ -169,10 +175,11 @@ def statistics_distance(ellipsoid: Ellipsoid, found: Observables, reference: Obs
 
 
 def balance_residual(scene: Scene, found: Observables, reference: Observables) -> float | None:
-    """Largest residual over I_max of E(t) - E(0) - (1/St)∫P dt along a run, with P the power of the viscous torque.
+    """Largest residual over I_max of E(t) - E(0) - (1/St)∫P dt along a run.
 
-    None where it cannot be known: without orientation, at St = 0, where E has no balance of its
-    own, or where the samples, equispaced over the scene's duration, do not resolve the power.
+    P is the power of the viscous torque. The samples are equispaced over the scene's duration. None where the
+    residual cannot be known: without orientation, at St = 0, where E has no balance of its own, or where the
+    samples do not resolve the power.
     """
     # The exact residual of the reference is 0. The quadratures of the two solutions over the same samples err
     # nearly alike. So the difference of the two residuals is measured, in which these errors cancel.
@@ -181,6 +188,7 @@ def balance_residual(scene: Scene, found: Observables, reference: Observables) -
         return None
     ellipsoid = scene.ellipsoid
     unit = max(scene.ellipsoid.inertia)
+    # A form of a spheroid may give the symmetry axis alone: `completed` adds the other rows.
     completions = (completed(ellipsoid, run.rotation) for run in (found, reference))
     rotations = [rotation for rotation in completions if rotation is not None]
     if len(rotations) < 2 or not np.isfinite(rotations).all():
@@ -195,9 +203,10 @@ def balance_residual(scene: Scene, found: Observables, reference: Observables) -
     flow = None if scene.flow is None else scene.flow.numbers_at(times)
     found_power = dissipation(ellipsoid, found_rotation, found_omega, flow)
     power = found_power - dissipation(ellipsoid, reference_rotation, reference_omega, flow)
+    # `torque_factor` is 1/St.
     power = power * scene.torque_factor / unit
     energy = (found.energy - reference.energy).astype(float) / unit
-    # Every other sample, as many as make an even number of intervals.
+    # Every other sample; of an odd number of intervals the last one is left out.
     even = slice(0, intervals // 2 * 2 + 1, 2)
     fine = _residual(times, energy, power)
     coarse = _residual(times[even], energy[even], power[even])
@@ -215,7 +224,10 @@ def body_angular_velocity(
 
 
 def _residual(times: np.ndarray, energy: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    """Energy less its start and less the work done until each time, the integral of a spline of `rate`."""
+    """Energy less its start and less the work done until each time, shape (n,).
+
+    The work is the integral of a spline of `rate`.
+    """
     with IMPORTS:
         from scipy.interpolate import CubicSpline
 
