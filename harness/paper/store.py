@@ -1,8 +1,8 @@
 """Data of the items in a folder: CSV files with the tables, and a record in JSON.
 
 The record `ITEM.json` is written last. It names the tables, and has the key of all that the data
-depend on (`content_key`), so that a reader sees whether today's code would make the same data. Each
-section has a folder of its own; the functions take that folder.
+depend on (`content_key`): data are current if today's code has the same key. Each section has a
+folder of its own, which the functions take.
 """
 
 import json
@@ -22,10 +22,13 @@ from polhode.harness.paper.tables import tables_of
 from polhode.models.libraries import version_of
 
 ITEM_SCHEMA = 1  # Version of the files: data of another one are not today's.
-DIGITS = 8  # Significant digits of numbers in the CSV files; pages show four.
+# Significant digits of numbers in the CSV files. Verdicts are computed from the files, so that these
+# need more than the four digits of pages. A choice: more make the files larger.
+DIGITS = 8
 # Libraries by which items compute: data made with another version of one are not today's.
 _LIBRARIES = ("numpy", "scipy", "heyoka", "cyrk")
-# Exceptions with which the computation of an item may end.
+# Exceptions with which computing, judging or drawing an item may end: the item fails, and the others
+# go on.
 ITEM_FAILURES = (
     ArithmeticError,
     AttributeError,
@@ -42,8 +45,8 @@ class Stored(NamedTuple):
     """Data of an item as they are in the folder."""
 
     data: Data
-    is_current: bool  # Whether today's code, settings and libraries made them.
-    grid: Grid
+    is_current: bool  # Whether today's code, settings and libraries would make the same.
+    grid: Grid  # The grid on which they were computed.
 
 
 class Judgement(NamedTuple):
@@ -82,8 +85,10 @@ def write(folder: Path, item: Item, grid: Grid, parts: Computed) -> Data:
         for name, table in tables_of(parts).items()
     }
     record = folder / f"{item.name}.json"
+    # Without its record no table counts, should this be interrupted.
     record.unlink(missing_ok=True)
     for name, content in contents.items():
+        # `summed`: the folder's SHA256SUMS gets its checksum, which `read_file` compares.
         write_file(folder / file_name(item, name), content, summed=True)
     record_content = {
         "key": content_key(item, grid),
@@ -96,7 +101,7 @@ def write(folder: Path, item: Item, grid: Grid, parts: Computed) -> Data:
 
 
 def read(folder: Path, item: Item) -> Stored | None:
-    """The item's data in the folder; None if there are none, or damaged ones."""
+    """The item's data in the folder; None if there are none, or if one of the files is damaged."""
     try:
         record = json.loads((folder / f"{item.name}.json").read_text(encoding="utf-8"))
         contents = {name: read_file(folder / file_name(item, name)) for name in record["tables"]}
@@ -108,7 +113,7 @@ def read(folder: Path, item: Item) -> Stored | None:
 
 
 def measured(folder: Path, item: Item) -> Record:
-    """When, where and by what the item's data were made; empty if no file says so."""
+    """When, where and by which versions the item's data were made; empty if no file says so."""
     try:
         record = json.loads((folder / f"{item.name}.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -132,7 +137,7 @@ def judged(folder: Path, item: Item) -> Judged:
 
 
 def _table(content: bytes) -> Table:
-    """A CSV file as a record array, whose numbers are floats: integers could not be NaN."""
+    """A CSV file as a record array. All its numbers are floats, as integers could not be NaN."""
     frame = read_csv(BytesIO(content))
     numeric_columns = frame.select_dtypes("number")
     return frame.astype(dict.fromkeys(numeric_columns, float)).to_records(index=False)

@@ -1,4 +1,7 @@
-"""Tables of the items, made of their parts; and what is measured in them."""
+"""Tables of the items, made of their parts; and what is measured in them.
+
+A part is a table's name and some of its rows (`polhode.harness.paper.item`). Intervals are at 95 %.
+"""
 
 from collections.abc import Iterable, Iterator, Sequence
 from operator import itemgetter
@@ -27,7 +30,11 @@ class Estimate(float):
 
 
 def tables_of(parts: Computed) -> dict[str, dict[str, np.ndarray]]:
-    """Tables by name, each of its parts in their order; what a part says once holds for all of its rows."""
+    """Columns of each table, shape (n,), by the table's name.
+
+    A table has the rows of its parts in their order. A single value in a part holds for all of the
+    part's rows.
+    """
     parts_by_name: dict[str, list[dict[str, np.ndarray]]] = {}
     for name, part in parts:
         arrays = np.broadcast_arrays(*map(np.atleast_1d, part.values()))
@@ -43,7 +50,11 @@ def tables_of(parts: Computed) -> dict[str, dict[str, np.ndarray]]:
 def path(
     number: float, times: np.ndarray, slow: np.ndarray, names: Sequence[str] = SLOW
 ) -> dict[str, Any]:
-    """A part of a table of paths: a number that names it, slow times, slow variables, shape (n, 4)."""
+    """Values of a part of a table of paths, which `number` names.
+
+    Columns are the number, the slow times t2, shape (n,), and the slow variables of `names`; `slow`
+    has shape (n, 4).
+    """
     return {"path": number, "t2": times, **{name: slow[:, SLOW.index(name)] for name in names}}
 
 
@@ -54,12 +65,12 @@ def groups(table: Table, key: str) -> Iterator[tuple[float, Table]]:
 
 
 def by(table: Table, key: str) -> dict[float, Table]:
-    """The same by value."""
+    """The parts of `groups` by their value."""
     return dict(groups(table, key))
 
 
 def root_mean_squares(table: Table, key: str, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """The values of a key, and the root mean square of a column over the rows of each."""
+    """The values of a column, `key`, and over the rows of each the root mean square of another, `name`."""
     parts = by(table, key)
     return np.array(list(parts)), np.array(
         [np.sqrt(np.mean(part[name] ** 2)) for part in parts.values()]
@@ -67,7 +78,11 @@ def root_mean_squares(table: Table, key: str, name: str) -> tuple[np.ndarray, np
 
 
 def listed(form: str, rows: Iterable[Sequence[Any]], between: str = ", ") -> str:
-    """A text for each row, whose fields are its numbers."""
+    """A text for each row, with `between` after each but the last.
+
+    `form` has fields such as ``{0:.2g}``: the places of a row's values, in Python's formats or those
+    of `polhode.harness.common.text`.
+    """
     return between.join(WORDING.format(form, *row) for row in rows)
 
 
@@ -77,7 +92,11 @@ def joined(values: Iterable[float], spec: str = "g") -> str:
 
 
 def maxima(times: np.ndarray, values: np.ndarray, prominence: float | None = None) -> np.ndarray:
-    """Times of the maxima of values at even times: the top of the parabola through each and its neighbours."""
+    """Times of the maxima of values at even times, both of shape (n,).
+
+    A maximum is the top of the parabola through a row and its two neighbours. One that rises above
+    its surroundings by less than `prominence`, in units of the values, does not count.
+    """
     rows, _ = find_peaks(values, prominence=prominence)
     before = values[rows - 1]
     top = values[rows]
@@ -89,17 +108,17 @@ def maxima(times: np.ndarray, values: np.ndarray, prominence: float | None = Non
 
 
 def worst(values: Sequence[float] | np.ndarray) -> float:
-    """The largest size."""
+    """The largest absolute value."""
     return np.max(np.abs(values))
 
 
 def spread(values: np.ndarray) -> float:
-    """The largest value over the smallest."""
+    """The largest value over the smallest, of positive values."""
     return values.max() / values.min()
 
 
 def exponent(x: np.ndarray, y: np.ndarray) -> Estimate:
-    """Exponent of a power law, with its interval."""
+    """Exponent p of y ∝ x^p by least squares of logarithms, with its interval by Student's t."""
     slope, interval, _ = fits.power_law(x, y)
     return Estimate(slope, interval)
 
@@ -111,11 +130,11 @@ def mean(values: np.ndarray) -> Estimate:
 
 
 def median(values: np.ndarray) -> Estimate:
-    """The median, with its interval from the order of the values."""
+    """The median, with its interval: two of the values, chosen by the binomial distribution."""
     center, low, high = fits.median_interval(values)
     return Estimate(center, (low, high))
 
 
 def share(chosen: np.ndarray) -> Estimate:
-    """The share of rows for which something holds."""
+    """The share of true values, with Wilson's interval."""
     return Estimate(float(np.mean(chosen)), fits.wilson(int(np.sum(chosen)), len(chosen)))

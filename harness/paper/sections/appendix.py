@@ -7,6 +7,9 @@ corrected one, is off at most. `appendix_entries.py` has the formulas.
 
 `FirstOrder` tests `lzsfod2`, the O(1/St) oscillation of L_z that the averaged solution lacks.
 Names such as `lzsfod2` are labels of the paper's LaTeX source (docs/misprints.md).
+
+In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
+points. They and the limits of axes are chosen by eye.
 """
 
 from abc import abstractmethod
@@ -61,10 +64,10 @@ from polhode.models.theory.spheroid_correction import CorrectedSpheroid
 _ROUNDING = 1e-11
 # Smaller deviations, 0 among them, are drawn at this one: their axis is logarithmic.
 _LEAST_DRAWN = 1e-17
-# A table of as many entries or more has two columns on its figure; the spheroid's has 8, the
-# ellipsoid's 86.
+# A table of as many entries or more has two columns on its figure. Any number between 8, the
+# spheroid's entries, and 86, the ellipsoid's, would do.
 _ONE_COLUMN = 12
-# Height of that figure in inches: of an entry, and of what stands above and below all entries.
+# Height of that figure in inches, by eye: of an entry, and of what is above and below all entries.
 _ENTRY_HEIGHT = 0.165
 _MARGIN_HEIGHT = 0.9
 
@@ -179,8 +182,8 @@ class SpheroidAverages(_Averages):
 
         It is the largest over random directions of L, and random cones about it.
         """
-        # Any seed would do; the numbers of starts are estimates. Columns of `worst`: the printed
-        # formula, and the corrected one.
+        # Any seed would do. The numbers of starts are estimates: a single start in general position
+        # shows a wrong formula. Columns of `worst`: the printed formula, and the corrected one.
         generator = np.random.default_rng(3)
         # Angles of precession about L: 16 are more than moments of degree two need.
         angle = 2 * pi * np.arange(16) / 16
@@ -231,7 +234,7 @@ class EllipsoidAverages(_Averages):
 
         L is random in its direction alone, as the space axes are; its size follows from ω.
         """
-        # Any seed would do; the numbers of starts are estimates.
+        # Any seed would do. The numbers of starts are estimates, as for spheroids.
         generator = np.random.default_rng(5)
         ellipsoid = Ellipsoid(PAPER_ELLIPSOID)
         entries = ellipsoid_entries()
@@ -470,8 +473,11 @@ def _first_order(stokes: float, points: int) -> dict[str, np.ndarray]:
     phase = cumulative_simpson(momentum, x=slow_times, initial=0.0)
     # At the start the mean is L_z itself.
     mean = np.concatenate([momentum[:1], phase[1:] / slow_times[1:]])
-    # sin² of the angle between the symmetry axis and L.
+    # sin² of the angle between the symmetry axis and L, h̄² in the paper. The part of L along the axis
+    # is I_a η, and `inertia_ratio` is I_a/I_e.
     tilt = 1 - (shape.inertia_ratio * spin / momentum) ** 2
+    # `equatorial_damping` is 8πY_c/I_e, and `anisotropy` is (κ² - 1)/(κ² + 1): their product over 4
+    # is the 2πY_c (κ² - 1)/(κ² + 1)/I_e of `lzsfod2`.
     amplitude = shape.equatorial_damping * shape.anisotropy * tilt / 4
     oscillation = amplitude / mean * np.sin(2 * (stokes * phase + _PHI)) / stokes
     # 1e-13, an estimate, is below the tolerance of the other runs, and far below the smallest

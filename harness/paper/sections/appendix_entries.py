@@ -1,4 +1,4 @@
-"""The appendices' tables of averages, in their order: means over rotations, and the formulas printed for them.
+"""The appendices' tables of averages, in their order: means, and the formulas printed for them.
 
 A mean is over rotations of the free top. Row i of a rotation matrix has the components of body axis
 i: `t` in space axes, `u` in axes of which the third one is along L (t_ij,LO in the paper). A
@@ -78,7 +78,7 @@ def _moment(words: str, printed: Formula, corrected: Formula | None = None) -> E
 
 
 def _mean(value: Callable[[np.ndarray], np.ndarray], axis: np.ndarray) -> float:
-    """The mean of a function of the symmetry axis p, shape (3, m)."""
+    """The mean of a function of the symmetry axis p over the m values `axis`, shape (3, m)."""
     return float(np.mean(value(axis)))
 
 

@@ -1,9 +1,13 @@
-"""Questions beyond the paper: averaging's error with and without a crossing of L² = 2EI₂, the saddle, basins.
+"""Questions beyond the paper: averaging's error, crossings of L² = 2EI₂, the saddle, basins.
 
 All are of the paper's ellipsoid (1, 0.8, 0.5). A crossing is the passage of a run from wobbling
 about the longest axis (L² < 2EI₂) to wobbling about the shortest, over the separatrix of the free
 top. The first item answers the paper's remark on resonances. The node is the stable fixed point of
-the averaged equations, the saddle the rotation about the longest axis.
+the averaged equations, the saddle the rotation about the longest axis. A fast phase is the angle of
+the nutation or of the precession: averaged equations do not know it.
+
+In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
+points. They and the limits of axes are chosen by eye.
 """
 
 from collections.abc import Mapping
@@ -71,10 +75,10 @@ _SIDES = ("short", "long")
 # Slow time up to which the order of averaging is measured: all starts of the long side cross before
 # it. An estimate, which `compute` checks.
 _ORDER_TIME = 0.1
-# Faster than Taylor series over these numbers of turns; it does not stop at a graze of L² = 2EI₂
+# Faster than Taylor series over these numbers of turns. It does not stop at a graze of L² = 2EI₂
 # either.
 _FAST_SOLVER = "cyrk-vern8"
-# Smallest St of the fits of the order: just below the third one that is computed.
+# Smallest St of the fits of the order, an estimate: just below the third one that is computed.
 _ASYMPTOTIC = 9e4
 # Starts lie between these shares of the way from the lower to the upper bound of L²/2E on their
 # side; starts of the long side are close to L² = 2EI₂ and cross it soon. Estimates.
@@ -82,9 +86,10 @@ _SHARES = {"short": (0.2, 0.8), "long": (0.6, 0.9)}
 
 
 def random_start(generator: np.random.Generator, side: str) -> BodyStart:
-    """Random orientation, |ω| = 0.8, on one side of L² = 2EI₂, clear of it and of the permanent rotations.
+    """Random orientation and rotation on one side of L² = 2EI₂, one of `_SIDES`.
 
-    The speed, in shear rates, is any of order one. `side` is one of `_SIDES`.
+    The start is clear of L² = 2EI₂ and of the permanent rotations (`_SHARES`). Its speed |ω| = 0.8, in
+    shear rates, is any of order one.
     """
     inertia = np.array(_ELLIPSOID.inertia)
     i1, i2, i3 = np.sort(inertia)
@@ -122,23 +127,24 @@ def above_middle(slow: np.ndarray) -> np.ndarray:
 def start_exponents(part: Table) -> np.ndarray:
     """Exponent p of error ∝ St^p for each start, fitted from `_ASYMPTOTIC` on.
 
-    `part` has rows of the item's table, of one side.
+    `part` has the rows of one side in the table of `AveragingOrder`.
     """
     large = part[part.stokes >= _ASYMPTOTIC]
     return np.array([exponent(run.stokes, run.error) for _, run in groups(large, "start")])
 
 
 def typical_errors(part: Table) -> np.ndarray:
-    """Geometric mean of the error over starts, at each St."""
+    """Geometric mean of the error over starts, at each St; `part` as of `start_exponents`."""
     return np.array(
         [np.exp(np.mean(np.log(stokes_rows.error))) for _, stokes_rows in groups(part, "stokes")]
     )
 
 
 def two_laws(stokes: np.ndarray, errors: np.ndarray) -> tuple[float, float]:
-    """a and b of errors ((a/St)² + b²/St)^½: a jump and a scattering that add up as independent ones do.
+    """a and b of errors ((a/St)² + b²/St)^½, in the units of the errors.
 
-    `stokes` and `errors` have a value for each St, shape (n,).
+    They are a jump and a scattering, which add up as independent ones do. `stokes` and `errors` have
+    a value for each St, shape (n,).
     """
     # The squared error is linear in a² and b². Divided by it, all St count with relative misfits.
     laws = np.stack([stokes**-2, 1 / stokes], axis=1) / errors[:, None] ** 2
@@ -147,7 +153,7 @@ def two_laws(stokes: np.ndarray, errors: np.ndarray) -> tuple[float, float]:
 
 
 def local_exponents(part: Table) -> list[Estimate]:
-    """Mean over starts of the exponents between neighbouring St."""
+    """Mean over starts of the exponents between neighbouring St; `part` as of `start_exponents`."""
     runs = (np.diff(np.log([run.stokes, run.error])) for _, run in groups(part, "start"))
     exponents = [errors / steps for steps, errors in runs]
     return [mean(column) for column in np.transpose(exponents)]
@@ -160,7 +166,10 @@ class AveragingOrder(Experiment):
     seconds: ClassVar[float] = 60.0
 
     def compute(self, grid: Grid) -> Computed:
-        """Largest error of L and E, over I_max, of the averaged form: a row for each side, start and St."""
+        """Largest error of L and E, over I_max, of the averaged form: a row for each side, start and St.
+
+        The numbers of rows, starts and St, and the range of St, are estimates.
+        """
         # Any seed would do.
         generator = np.random.default_rng(11)
         slow_times = np.linspace(0.0, _ORDER_TIME, 3001)
@@ -413,8 +422,8 @@ class Laws:
         )
 
 
-# Slow time of the runs over the crossing, which the averaged run meets at 0.05 (the page on
-# ellipsoids): until after the end of `_AFTER_CROSSING`.
+# Slow time of the runs over the crossing, which the averaged run meets at 0.05
+# (reports/paper/ellipsoids.md): until after the end of `_AFTER_CROSSING`.
 _JUMP_TIME = 0.08
 # Windows of slow time, counted from the crossing, over which deviations are averaged: this takes
 # the regular oscillation out. Both are clear of the crossing itself; their places are estimates.
@@ -436,11 +445,11 @@ def law(values: np.ndarray) -> np.ndarray:
 
 
 def fitted_level(count: int) -> float:
-    """5 % level of the distance between the law and `count` of its own values, their mean and deviation fitted.
+    """5 % level of the distance between the law and `count` of its own values.
 
-    The distance is Kolmogorov's and Smirnov's. Its tabulated level holds for laws without fitted
-    parameters, so that 4000 simulated samples give the level, as in Lilliefors' test for a normal
-    law: 200 of them lie above it, which fixes it to a percent or two.
+    Their mean and deviation are fitted. The distance is Kolmogorov's and Smirnov's. Its tabulated
+    level holds for laws without fitted parameters. So 4000 simulated samples give the level, as in
+    Lilliefors' test for a normal law: 200 of them lie above it, which fixes it to a percent or two.
     """
     # One sample in each row. Any seed would do.
     values = -np.log(2 * np.sin(np.pi * np.random.default_rng(31).uniform(size=(4000, count))))
@@ -607,8 +616,9 @@ class CrossingJumps(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Deviations of full runs from the averaged one, before and after the crossing.
 
-        The table has a row for each St, `after` (0 before the crossing, 1 after it) and start; the
-        columns of `SLOW` are means over the window of slow time, over I_max.
+        The table has a row for each St, `after` (0 before the crossing, 1 after it) and start. The
+        columns of `SLOW` are means over the window of slow time, over I_max. The numbers of rows of a
+        run, starts and St are estimates.
         """
         # Any seed would do.
         generator = np.random.default_rng(29)
@@ -758,7 +768,7 @@ class SaddleEndings(Experiment):
 
         A row is a full run. `near` is the spread of the start. `phase` is 0 for the start itself
         and 1 for another one with its L and E. `averaged` and `full` are slow times of arrival.
-        `up` is 1 if z' ends along +z.
+        `up` is 1 if z' ends along +z. The numbers of starts and of rows of a run are estimates.
         """
         # Any seed would do.
         generator = np.random.default_rng(23)
@@ -939,7 +949,10 @@ class Basins(Experiment):
     seconds: ClassVar[float] = 5.0
 
     def compute(self, grid: Grid) -> Computed:
-        """Transient times of the averaged equations from |L| = I_max/2; ends of z' over starts at one St."""
+        """Transient times of the averaged equations from |L| = I_max/2; ends of z' at one St.
+
+        |L| is that of the node. The numbers of points and of rows of a run are estimates.
+        """
         # A slow time of 2 is longer than every transient, which `judge` checks.
         slow_times = graded(2.0, 1201)
         # Points along either side of the map of transients (`size`) and of the map of ends
@@ -948,8 +961,9 @@ class Basins(Experiment):
         side = grid.of(64, 10)
         cosines = np.linspace(-0.999, 0.999, size).tolist()
         heights = np.linspace(0.002, 0.998, size).tolist()
-        # L has the size I_max/2 and the cosine of its angle to the vorticity; L_x = L_y. Both ranges
-        # end just inside their bounds: L along the vorticity, and permanent rotations.
+        # L has the size I_max/2 and the cosine of its angle to the vorticity, with L_x = L_y. The
+        # ranges of cosine and height, the share of E between its bounds, end just inside ±1, where L
+        # is along the vorticity, and inside 0 and 1, the permanent rotations.
         for cosine, height in product(cosines, heights):
             sine = sqrt((1 - cosine**2) / 2)
             slow = (0.5 * sine, 0.5 * sine, 0.5 * cosine, energy_at(_ELLIPSOID, 0.5, height))
@@ -1067,9 +1081,11 @@ class Basins(Experiment):
 
 
 def map_of(table: Table, names: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Coordinates of a table's rows, the second running fastest, and its values, shape (first, second).
+    """Coordinates of a map's rows and columns, and its values, shape (rows, columns).
 
-    `names` has the names of the three columns, with spaces between them.
+    The table has a row for each value; those of one row of the map follow each other. `names` has
+    the names of the table's columns with the first and the second coordinate and the value, with
+    spaces between them.
     """
     first, second, values = (table[name] for name in names.split())
     return np.unique(first), np.unique(second), values.reshape(len(np.unique(first)), -1)

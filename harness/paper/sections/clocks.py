@@ -1,10 +1,15 @@
 """Rates of approach to the stable rotations and from large L, clocks, and the collapse on St*.
 
-A clock is a unit of time in which relaxation is measured: t/St, or t/St* with an effective Stokes
-number St* = I St/(8πX) of one of the body's axes, I its moment of inertia and X its resistance. On
-the right clock all bodies relax alike. The printed rates are `fixed_points.eigenvalues`; rates are
-per unit of slow time t₂ = t/St unless another clock is named. I and X are `Ellipsoid.inertia` and
-`resistance`, without unit. Indices a and c are of a spheroid's symmetry axis, e of an axis across it.
+The approach from large L is the decay of L ≫ I. The collapse is the paper's claim that curves of
+different bodies become one. A clock is a unit of time in which relaxation is measured: t/St, or
+t/St* with an effective Stokes number St* = I St/(8πX) of one of the body's axes, I its moment of
+inertia and X its resistance. On the right clock all bodies relax alike. The printed rates are
+`fixed_points.eigenvalues`. Rates are per unit of slow time t₂ = t/St unless another clock is named.
+I and X are `Ellipsoid.inertia` and `resistance`, without unit. Indices a and c are of a spheroid's
+symmetry axis, e of an axis across it: I_a, I_e, X_c, and Y_c for the resistance across it.
+
+In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
+points. They and the limits of axes are chosen by eye.
 """
 
 from abc import abstractmethod
@@ -75,9 +80,9 @@ _WOBBLE = 3
 
 
 def displaced(body: Ellipsoid, mode: int) -> BodyStart | EulerStart:
-    """Rotation about z' along the vorticity, off in one of the four modes: L tilted to x or y, faster, or wobbling.
+    """Start at the rotation about z' along the vorticity, but off in one mode, a place in `_MODES`.
 
-    The rotation itself has the angular velocity -½ ẑ, half the vorticity. `mode` is a place in `_MODES`.
+    The rotation itself has the angular velocity -½ ẑ, half the vorticity.
     """
     if mode == _WOBBLE:
         # L stays -½ I₃ ẑ, and z' is tilted away from it.
@@ -91,10 +96,12 @@ def displaced(body: Ellipsoid, mode: int) -> BodyStart | EulerStart:
 
 
 def amplitude(run: Run, mode: int) -> np.ndarray:
-    """Distance of a run from the fixed point in a mode, shape (n,): in a component of L, or 2EI₃ - L² of a wobble.
+    """Distance of a run from the fixed point in a mode, shape (n,).
 
-    Both are in units of `Ellipsoid.inertia` and the shear rate; only their decay counts.
+    It is in a component of L, or 2EI₃ - L² of a wobble. Both are in units of `Ellipsoid.inertia` and
+    the shear rate. Only their decay counts.
     """
+    # Modes 0 to 2 are the components of L.
     momentum = run.observables.angular_momentum
     energy = run.observables.slow[:, 3]
     inertia = run.scene.ellipsoid.inertia[2]
@@ -123,7 +130,7 @@ def _rates(grid: Grid) -> Computed:
     """The rate of each mode of each body, printed and measured, per slow time.
 
     `body` and `mode` are places in `_BODIES` and `_MODES`, `clock` is St*/St of z'. Rates of decay are
-    negative.
+    negative. The number of rows of a run is an estimate.
     """
     for number, body in enumerate(_BODIES):
         clock = body.inertia[2] / (8 * pi * body.resistance[2])
@@ -144,7 +151,8 @@ def _rates(grid: Grid) -> Computed:
 def _from_large(grid: Grid) -> Computed:
     """From large L: squares of L along and across the axis, and the angle in rad by which L has turned.
 
-    The spheroids are an oblate and a prolate one. L is in units of `Ellipsoid.inertia` and the shear rate.
+    The spheroids are an oblate and a prolate one. The number of rows, 401, is an estimate. L is in
+    units of `Ellipsoid.inertia` and the shear rate.
     """
     for kappa in (0.5, 2.0):
         body = spheroid(kappa)
@@ -184,8 +192,8 @@ def large_decay(large: Table) -> list[float]:
 def on_clocks(table: Table) -> tuple[np.ndarray, ...]:
     """Relaxation rates of L_z of all bodies from the table of `_rates`, shape (5,) each, on three clocks.
 
-    They are per St, per St* of the longest axis, and per St* of the axis along the vorticity, which
-    is the shortest.
+    They are per t/St, per t/St* of the longest axis, and per t/St* of the axis along the vorticity,
+    which is the shortest.
     """
     chosen = table[table.mode == _FASTER]
     rate = -chosen.measured
@@ -360,7 +368,10 @@ _CALM = 0.01
 
 
 def collapse_start(kappa: float) -> tuple[Ellipsoid, float, BodyStart]:
-    """Spheroid, its Stokes number at `_STOKES_STAR`, and the start with L along z and L_z, E as above."""
+    """Spheroid, its Stokes number at `_STOKES_STAR`, and the start with L along z.
+
+    L_z is `_MOMENTUM` and E is `_ENERGY`.
+    """
     ellipsoid = spheroid(kappa)
     shape = Spheroid.of(ellipsoid)
     largest = max(ellipsoid.inertia)

@@ -1,10 +1,14 @@
-"""Triaxial ellipsoids at large St: the singular fixed point, slow variables, the L_z–E plane, projections.
+"""Triaxial ellipsoids at large St: singular fixed point, slow variables, L_z–E plane, projections.
 
 The singular fixed point is the rotation about the middle axis, L_z = -I₂/2. "Local" is the solution
-next to it, by `polhode.models.theory.separatrix`, which defines y and L_z' = L_z + I₂/2 ("shift").
-I₁ < I₂ < I₃ are the moments of inertia, and X₁, X₂, X₃ the resistances, from the longest axis to
-the shortest. "Critical" is the one trajectory on each side of L² = 2EI₂ that meets the point.
-Tables number the sides: 0 is long, L² < 2EI₂, before the point, 1 is short, after it.
+next to it, by `polhode.models.theory.separatrix`. Its coordinates are y, by `complement_of`, and the
+"shift" L_z' = L_z + I₂/2. I₁ < I₂ < I₃ are the moments of inertia, and X₁, X₂, X₃ the
+resistances, from the longest axis to the shortest. "Critical" is the one trajectory on each side of
+L² = 2EI₂ that meets the point. Tables number the sides: 0 is long, L² < 2EI₂, before the point, 1
+is short, after it. L and E are over I_max, times are slow times t/St, unless another unit is named.
+
+In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
+points. They and the limits of axes are chosen by eye.
 """
 
 from dataclasses import dataclass
@@ -65,10 +69,11 @@ _ELLIPSOID = Ellipsoid(PAPER_ELLIPSOID)
 _UNIT = max(_ELLIPSOID.inertia)  # I_max, the unit of L and E.
 _MIDDLE = sorted(_ELLIPSOID.inertia)[1] / _UNIT  # The middle moment of inertia over I_max.
 _SIDES: tuple[Side, Side] = ("long", "short")
-# Complementary parameter y = μ'δ up to which local and averaged rates are compared.
+# Complementary parameter y = μ'δ, as the paper writes it, up to which local and averaged rates are
+# compared. An estimate: the terms that the local solution neglects, of order y log(16/y), are 1e-2.
 _NEAR_Y = 1e-3
-# Largest y of the passage through the singular point: there the local solution is good to some 10
-# %.
+# Largest y of the passage through the singular point: there the local solution is good to some
+# 10 %.
 _PASSAGE_Y = 0.1
 # Slow time for which the averaged passage is followed, over the time by the local solution. The
 # averaged passage takes longer by the relative order y: 1.2 covers y = 0.1, with a margin that is
@@ -77,9 +82,10 @@ _PASSAGE_LONGER = 1.2
 
 
 def complement_of(slow: np.ndarray, side: Side) -> np.ndarray:
-    """y = 1 - m of slow variables over I_max, shape (n, 4): 0 on L² = 2EI₂, and negative beyond it.
+    """y = 1 - m, shape (n,), of slow variables over I_max, shape (n, 4).
 
-    m is the parameter of the elliptic functions of the polhode.
+    m is the parameter of the elliptic functions of the polhode. y is 0 on L² = 2EI₂, and negative
+    beyond it.
     """
     encircled, middle, opposite = _moments(side)
     momentum2 = np.sum(slow[:, :3] ** 2, axis=1)
@@ -98,12 +104,12 @@ def _moments(side: Side) -> tuple[float, float, float]:
 
 
 def state_of(local: Separatrix, complement: float, shift: float) -> list[float]:
-    """Slow variables over I_max at y and L_z'."""
+    """Slow variables over I_max at y, `complement`, and L_z', `shift`, not over I_max; L_x = L_y = 0."""
     return (np.array(local.slow_state(complement, shift)) / _UNIT).tolist()
 
 
 def _averaged_rates(local: Separatrix, complement: float, shift: float) -> tuple[float, float]:
-    """Rates of y and L_z'/I_max by the averaged equations, at L_x = L_y = 0."""
+    """Rates of y and L_z'/I_max by the averaged equations, at y and L_z' as of `state_of`."""
     state = state_of(local, complement, shift)
     problem = Averaged().problem(slow_scene(_ELLIPSOID, state, 1.0))
     # Rates of (L_x, L_y, L_z, E) over I_max.
@@ -124,16 +130,17 @@ def _averaged_rates(local: Separatrix, complement: float, shift: float) -> tuple
 
 
 def critical_start(complement: float, points: int) -> tuple[list[float], float]:
-    """Start of the averaged trajectory that meets the singular point, at y on the long side, and when it meets it.
+    """Start, at y on the long side, of the averaged trajectory that meets the singular point; and when.
 
     A bisection of L_z' at the start finds it: trajectories that start with more pass the point with
-    more. The start is in units of I_max, the time slow. Runs have `points` rows. The last row
-    before the point is compared with the critical L_z' at the same y; the local solution adds the
-    remaining time.
+    more. The start has the slow variables over I_max. Runs have `points` rows. The last row before
+    the point is compared with the critical L_z' at the same y. The local solution adds the remaining
+    time.
     """
     local = Separatrix(_ELLIPSOID, "long")
-    # The averaged passage takes longer than the local one (`_PASSAGE_LONGER`). From y > 0.3, where
-    # the local time says little, the passage takes less than 0.3 of slow time (an estimate).
+    # The averaged passage takes longer than the local one (`_PASSAGE_LONGER`), whose time is negative
+    # on this side. From y > 0.3, where the local time says little, the passage takes less than 0.3
+    # of slow time. Both numbers 0.3 are estimates.
     times = np.linspace(0.0, 0.3 if complement > 0.3 else -1.2 * local.time(complement), points)
 
     def before_point(shift: float) -> tuple[float, float, float]:
@@ -157,9 +164,10 @@ def critical_start(complement: float, points: int) -> tuple[list[float], float]:
 
 
 def critical_before(complement: float, points: int, times_left: np.ndarray) -> np.ndarray:
-    """The averaged trajectory that meets the singular point, shape (n, 4), at decreasing slow times left to it.
+    """The averaged trajectory that meets the singular point, at n decreasing slow times left to it.
 
-    It starts at y on the long side; none of the times left is longer than from there.
+    It starts at y on the long side: none of the times left is longer than from there. The result
+    has the slow variables over I_max, shape (n, 4).
     """
     start, arrival = critical_start(complement, points)
     times = np.concatenate([[0.0], arrival - times_left])
@@ -167,7 +175,10 @@ def critical_before(complement: float, points: int, times_left: np.ndarray) -> n
 
 
 def critical_after(slow_times: np.ndarray) -> np.ndarray:
-    """The averaged trajectory that leaves the singular point, shape (n, 4), at times after it; the first is 0."""
+    """The averaged trajectory that leaves the singular point, at n slow times after it, the first 0.
+
+    The result has the slow variables over I_max, shape (n, 4).
+    """
     local = Separatrix(_ELLIPSOID, "short")
     # y of the start, where the local solution holds: at y = 0 the averaged equations are singular.
     beside = 1e-9
@@ -175,7 +186,10 @@ def critical_after(slow_times: np.ndarray) -> np.ndarray:
 
 
 def passage_time(side: Side, points: int) -> float:
-    """Slow time between y = `_PASSAGE_Y` and the singular point by the averaged equations."""
+    """Slow time between y = `_PASSAGE_Y` and the singular point by the averaged equations.
+
+    Runs have `points` rows.
+    """
     if side == "long":
         return critical_start(_PASSAGE_Y, points)[1]
     times = np.linspace(
@@ -186,7 +200,11 @@ def passage_time(side: Side, points: int) -> float:
 
 
 def _passage(local: Separatrix, points: int) -> dict[str, np.ndarray]:
-    """y and L_z' against time to or from the singular point: critical trajectories, local and averaged."""
+    """Critical trajectories, local and averaged: y and L_z'/I_max at slow times from the singular point.
+
+    Columns of the table "trajectory", of `points` rows or one less. Times before the point are
+    negative.
+    """
     duration = abs(local.time(_PASSAGE_Y))
     if local.side == "long":
         # Without 0: at the singular point itself the averaged equations are singular.
@@ -213,12 +231,16 @@ def _passage(local: Separatrix, points: int) -> dict[str, np.ndarray]:
 class SingularPoint(Experiment):
     """The passage through the rotation about the middle axis, local solution and averaged equations.
 
-    Columns `local_…` and `averaged_…` are by the two of them: in "rates" of the rates of y and of
-    L_z' ("shift"), in "trajectory" of y and L_z' themselves along the critical trajectory.
+    Columns `local_…` are by the local solution, columns `averaged_…` by the averaged equations. In
+    the table "rates" they have the rates of y and of L_z' ("shift"), in "trajectory" y and L_z'
+    themselves along the critical trajectory. "times" has the slow times of the passage.
     """
 
     def compute(self, grid: Grid) -> Computed:
-        """Rates near the singular point, local and averaged; the critical trajectory on either side."""
+        """Rates near the singular point, local and averaged; the critical trajectory on either side.
+
+        The numbers of rows, and the range of y, are estimates.
+        """
         for number, side in enumerate(_SIDES):
             local = Separatrix(_ELLIPSOID, side)
             for complement in np.geomspace(1e-8, 0.3, grid.of(40, 14)).tolist():
@@ -449,9 +471,9 @@ class Plane(Experiment):
             states = np.array([state_of(local, y, local.critical(y)) for y in complements])
             # Kind 0 is the local solution, kind 1 below the averaged one.
             yield "critical", {"kind": 0, "side": number, "Lz": states[:, 2], "E": states[:, 3]}
-        # The averaged one starts far from the point, at y = 0.8, an estimate. Squares of even steps
-        # make its rows dense near the point, where both are compared; the start and the point
-        # itself are left out.
+        # The averaged one starts far from the point, at y = 0.8, and is followed for a slow time of 0.5
+        # after it. Squares of even steps make its rows dense near the point, where both are compared.
+        # The start and the point itself are left out. The numbers are estimates.
         _, arrival = critical_start(0.8, 4001)
         before = critical_before(0.8, 4001, arrival * np.linspace(1.0, 0.0, 1001)[1:-1] ** 2)
         for number, slow in enumerate((before, critical_after(graded(0.5, 401)))):
@@ -548,8 +570,11 @@ class Plane(Experiment):
 
 
 def _kept(slow: np.ndarray) -> np.ndarray:
-    """Indices of points at even steps, and of all points in or just outside the magnified view."""
-    # 1.2 views: a line that leaves the view is drawn up to its edge.
+    """Indices of points at even steps, and of all points in or just outside the magnified view.
+
+    `slow` has the slow variables over I_max, shape (n, 4).
+    """
+    # 250 points draw a trajectory smoothly. 1.2 views: a line that leaves the view is drawn up to its edge.
     inside = np.abs(slow[:, 2:] - planes.fixed_point(_ELLIPSOID, "singular")) < 1.2 * np.array(
         _WINDOW
     )
@@ -630,6 +655,7 @@ class Space(Experiment):
 
     def compute(self, grid: Grid) -> Computed:
         """One slow trajectory with L_x = 0 throughout and one with L_y = 0."""
+        # A slow time of 1 takes both runs to the node to within 1e-3 I_max, which `judge` checks.
         slow_times = graded(1.0, grid.of(401, 101))
         # `zero` is the place, in (L_x, L_y, L_z, E), of the component that is 0: 1 for L_y, then 0
         # for L_x. The start has |L| = 1 and L_z = -0.2 I_max, and 0.7 is the share of E between its
@@ -708,9 +734,14 @@ class Space(Experiment):
         space.set_box_aspect((1, 1, 0.8), zoom=1.0)
 
 
-# The bodies of the paper's planes of ellipsoids: for each b, c = 0.5 and then 0.3.
+# The bodies (1, b, c) of the paper's planes of ellipsoids: for each b, c = 0.5 and then 0.3.
 SIX_BODIES = [Ellipsoid((1.0, b, c)) for b, c in product((0.55, 0.75, 0.95), (0.5, 0.3))]
 
+# Slow times of `FirstStart` and `SlowMotion`, 0.6 and 1.2, are long enough to end at the node. The
+# second start lingers at the saddle: its errors follow a power law only from St = 5000 on. Where the
+# fit of the first begins matters little: its exponent is -1.02, -1.06 and -1.18 from St = 500, 1000
+# and 5000 on. "constant" is judged at the largest St, where the error times St is 14 and 15 I_max.
+# `EllipsoidPlanes` has 151 points of each trajectory, enough to draw it.
 ELLIPSOIDS_SECTION = Section(
     "ellipsoids",
     "Triaxial ellipsoids at large St",

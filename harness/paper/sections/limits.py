@@ -1,9 +1,12 @@
-"""The limits St = 0 and ∞: Poincaré sections of the Jeffery top, chaos at its saddle, and Euler tops in closed form.
+"""The limits St = 0 and ∞: Poincaré sections and chaos of the Jeffery top, and Euler tops.
 
 The Jeffery top is an ellipsoid without inertia, St = 0; the Euler top is one without flow, St = ∞.
 The items are the paper's figures `slender_prolate` to `flat_oblate`, `euler_top_nutation` and
 `symmetric_top_nutation`. `polhode.harness.paper.jeffery_top` computes orbits of the Jeffery top;
 `polhode.models.free_top` has the Euler top's closed form.
+
+In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
+points. They and the limits of axes are chosen by eye.
 """
 
 from abc import abstractmethod
@@ -148,9 +151,11 @@ class _Sections(Experiment):
     prolate-like body and about the longest one for an oblate-like body (docs/misprints.md), so that
     x' must be that axis: z' is the longest axis of the first and the shortest of the second.
 
-    The section is φ = nπ: θ and ψ are recorded whenever z' lies in the plane of φ = 0. A half turn
-    is the time of `jeffery_top.half_turn`, half a Jeffery period; counts called "turns" are of half
-    turns. An orbit is chaotic if its tangent was stretched beyond `chaos_border`.
+    The section is φ = nπ: θ and ψ are recorded whenever z' lies in the plane of φ = 0. An orbit
+    librates if z' passes θ = π/2 from one section point to the next, and circulates if ψ goes
+    through ±π/2. The separatrix of the saddles parts both kinds. A half turn is the time of
+    `jeffery_top.half_turn`, half a Jeffery period. Counts called "turns" are of half turns. An orbit
+    is chaotic if its tangent was stretched beyond `chaos_border`.
 
     Tables: "orbits" has a row for each start with its kind, exponent and whether it is chaotic;
     "growth" the chaotic isotropic starts after some counts of half turns; "" and "close" the points
@@ -186,7 +191,7 @@ class _Sections(Experiment):
         return starts
 
     def compute(self, grid: Grid) -> Computed:
-        """Stretching of every start, section points of those on the section, the width of the layer of chaos."""
+        """Stretching of every start, section points of those on the section, the layer of chaos."""
         half_turns = grid.of(self.half_turns, self.half_turns // 6)
         duration = half_turns * half_turn(self.ellipsoid)
         layer_half_turns = grid.of(_LAYER_HALF_TURNS, (100,)) if self.layered else ()
@@ -298,7 +303,10 @@ class _Sections(Experiment):
 
 
 def _draw_section(axes: Axes, table: Table, chaotic_orbits: np.ndarray, size: float) -> None:
-    """Points of a section, `_MOST_DRAWN` at most, `size` in typographic points; chaotic orbits stand out."""
+    """Draw points of a section, `_MOST_DRAWN` at most; chaotic orbits stand out.
+
+    `size` is in typographic points.
+    """
     drawn = table[:: ceil(len(table) / _MOST_DRAWN)]
     chaotic = np.isin(drawn.orbit, chaotic_orbits)
     # As pixels in SVG too, where thousands of marks would make large files.
@@ -527,7 +535,10 @@ def _frayed_width(across: Table) -> tuple[float, tuple[float, float]]:
 
 
 def _thinned(points: np.ndarray, count: int) -> dict[str, np.ndarray]:
-    """Every k-th point, about `count` of them, as columns; `points` are orbit, θ and ψ in rad, shape (n, 3)."""
+    """Every k-th point, about `count` of them, as columns.
+
+    `points` has the orbit's number, θ and ψ in rad, shape (n, 3).
+    """
     # A figure shows no more than six decimals, and the files are smaller.
     table = np.round(points[:: max(1, len(points) // count)], 6)
     return dict(zip(("orbit", "theta", "psi"), table.T, strict=True))

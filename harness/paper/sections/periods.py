@@ -1,8 +1,13 @@
-"""Spheroids at finite St: the period of tumbling, the drift of spinning ones, planar flows that stop them.
+"""Spheroids at finite St: period of tumbling, drift of spinning ones, planar flows that stop them.
 
 The paper has the change of the period at small St (`vivtp`), the figure of the period, the drift in
-its introduction, and planar flows in its discussion. `polhode.models.theory.tumbling_period` finds
-limit cycles and their periods; all times are in inverse shear rates.
+its introduction, and planar flows in its discussion. κ is the ratio of the symmetry axis to the
+other ones. A tumbling spheroid turns end over end about the vorticity, in the end on a limit cycle.
+`polhode.models.theory.tumbling_period` finds that cycle and its period. All times are in inverse
+shear rates.
+
+In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
+points. They and the limits of axes are chosen by eye.
 """
 
 from dataclasses import dataclass
@@ -66,7 +71,7 @@ _LAW_LOST = 0.1
 def _periods(stokes: np.ndarray) -> Computed:
     """Tumbling periods of each spheroid at each St, and how far they lie from Jeffery's.
 
-    `change` is the period less Jeffery's, which is negative; all three are in inverse shear rates.
+    `change` is the period less Jeffery's, and is negative. All three are in inverse shear rates.
     """
     for kappa, number in product(_PERIOD_KAPPAS, stokes.tolist()):
         period = tumbling_period(spheroid(kappa), number, _TUMBLING_AXIS)
@@ -76,7 +81,10 @@ def _periods(stokes: np.ndarray) -> Computed:
 
 
 def validity(rows: Table) -> float:
-    """St at which the law of order St² is off by `_LAW_LOST`, for the rows of one κ in increasing St."""
+    """St at which the law of order St² is off by `_LAW_LOST`.
+
+    `rows` are those of one κ in the table of `PeriodChange`, in increasing St.
+    """
     error = np.abs(rows.change / rows.printed - 1)
     # Up to the first St at which the law is lost; ln St is interpolated in the error.
     last = int(np.argmax(error > _LAW_LOST))
@@ -88,7 +96,11 @@ class PeriodChange(Experiment):
     """Change of the period at small St against the printed law."""
 
     def compute(self, grid: Grid) -> Computed:
-        """Periods, and the change that the law gives, `printed`."""
+        """Periods, and the change that the law gives, `printed`.
+
+        The range of St goes from where the law holds to where it is lost for all κ. It and the number
+        of St are estimates.
+        """
         for table, row in _periods(np.geomspace(1e-2, 1e4, grid.of(121, 25))):
             body = spheroid(row["kappa"])
             printed = weak_inertia_period_change(body, row["stokes"], _TUMBLING_AXIS)
@@ -196,9 +208,10 @@ def _integrated_period(kappa: float, stokes: float) -> float:
     It is a check of `tumbling_period`, which finds the limit cycle without following it in time.
     """
     ellipsoid = spheroid(kappa)
-    # Forty relaxation times leave e^-40 of the transient; 60κ are some nine Jeffery periods, 2πκ
-    # each, of a slender spheroid.
+    # Forty relaxation times leave e^-40 of the transient. After them 60κ are some nine Jeffery
+    # periods, 2πκ each, of a slender spheroid: an estimate.
     settled = 40 * stokes / ellipsoid.damping[_TUMBLING_AXIS]
+    # z' lies along the flow and y' along the vorticity, about which the spheroid turns at -½.
     start = BodyStart((0.5, 0.5, 0.5, 0.5), (0.0, -0.5, 0.0))
     # Rows 0.01 apart, and a tolerance about as tight as double precision allows, keep the error of
     # the period below the 1e-8 that `judge` allows.
@@ -225,7 +238,11 @@ class Period(Experiment):
     seconds: ClassVar[float] = 10.0
 
     def compute(self, grid: Grid) -> Computed:
-        """Period at all St, and by integration in time at some."""
+        """Period at all St, and by integration in time at some.
+
+        The range of St reaches both limits to 1e-6, which `judge` checks. The number of St is an
+        estimate.
+        """
         yield from _periods(np.geomspace(1e-3, 1e6, grid.of(73, 19)))
         for kappa, stokes in grid.of(_INTEGRATED, _INTEGRATED[1:4:2]):
             period = _integrated_period(kappa, stokes)
@@ -324,7 +341,10 @@ def spinning(kappa: float, stokes: float, tilt: float, time: float) -> Scene:
 
 
 def growth(kappa: float, stokes: float) -> float:
-    """Rate at which a tilt of the axis grows, per inverse shear rate: the largest eigenvalue's real part."""
+    """Rate at which a tilt of the axis grows, in shear rates: the largest real part of an eigenvalue.
+
+    The eigenvalues are those of the equations linearized about the spinning motion.
+    """
     problem = find_form("spheroid-axis").problem(spinning(kappa, stokes, 0.0, 1.0))
     # Both the state and the parameters of the form have six numbers.
     matrix = exact_jacobian(field, 6, 6)(np.array(problem.start), np.array(problem.parameters))
@@ -332,7 +352,7 @@ def growth(kappa: float, stokes: float) -> float:
 
 
 def followed_growth(kappa: float, stokes: float) -> float:
-    """The same rate from a run: over one Jeffery period, after one in which the start is forgotten."""
+    """The rate of `growth` from a run: over one Jeffery period, after one that forgets the start."""
     half = pi * (kappa + 1 / kappa)  # Half a Jeffery period.
     times = half * np.array([0.0, 2.0, 4.0])
     run = full_run(spinning(kappa, stokes, _FOLLOWED_TILT, times[-1]), times)
@@ -348,6 +368,7 @@ def peak_of(kappa: float) -> float:
         lambda logarithm: -abs(growth(kappa, float(np.exp(logarithm)))),
         bounds=(low, high),
         method="bounded",
+        # Of ln St: an estimate, far finer than what `judge` and the figure need.
         options={"xatol": 1e-6},
     )
     return float(np.exp(best.x))
@@ -365,7 +386,11 @@ class SpinDrift(Experiment):
     """How fast a spinning spheroid leaves the vorticity axis, or returns to it."""
 
     def compute(self, grid: Grid) -> Computed:
-        """Growth at all St; its peak; at one small St from a run too."""
+        """Growth at all St; its peak; at one small St from a run too.
+
+        The range of St reaches the power laws at both ends, which `judge` checks. The number of St is
+        an estimate.
+        """
         numbers = np.geomspace(1e-4, 1e6, grid.of(61, 21)).tolist()
         for kappa in _DRIFT_KAPPAS:
             rates = [growth(kappa, stokes) for stokes in numbers]
@@ -493,7 +518,11 @@ _PLANAR_STOKES = (0.0, 1.0, 10.0, 100.0)
 
 
 def turns(kappa: float, stokes: float, alpha: float) -> bool:
-    """Whether an axis in the plane of the flow u = y x̂ + αx ŷ goes on turning; with inertia it starts at full speed."""
+    """Whether an axis in the plane of the flow u = y x̂ + αx ŷ goes on turning.
+
+    α is 0 in simple shear and 1 in pure strain, in which nothing turns. With inertia the axis starts
+    at full speed.
+    """
     # The axis has the angle χ in the plane, and Λ = (κ² - 1)/(κ² + 1). Without inertia χ changes at
     # the rate (α - 1)/2 + Λ(1 + α)/2 cos 2χ; with it, the rate relaxes to this one.
     body = spheroid(kappa)
@@ -516,7 +545,8 @@ def turns(kappa: float, stokes: float, alpha: float) -> bool:
         return state[1]
 
     stops.terminal = True  # pyright: ignore[reportFunctionMemberAccess]
-    # Sixty relaxation times, and 300 inverse shear rates for turns that are slow: an estimate.
+    # Sixty relaxation times, and 300 inverse shear rates for turns that are slow: an estimate. So is
+    # the tolerance, 1e-8, far below the 6e-5 to which α is found.
     end = 60 / damping + 300
     # The largest speed that the flow gives an axis without inertia.
     start = (0.0, (alpha - 1) / 2 - abs(slope))

@@ -3,7 +3,11 @@
 A run that starts with L along the vorticity and L_z > 0 slows down, and passes L = 0 on its way to
 the node at L_z < 0. In the averaged equations L = 0 is singular: there the aligned trajectory ends.
 The item measures how near full runs come to it, by their smallest |L| against St. The theory of its
-exponent stands in `growth_exponent` and `pinch_exponent`.
+exponent stands in `growth_exponent` and `pinch_exponent`. Spheroids have the aspect ratio κ, the
+moments I_a about their symmetry axis and I_e across it, and the resistances X_c and Y_c.
+
+In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
+points. They and the limits of axes are chosen by eye.
 """
 
 from dataclasses import dataclass
@@ -90,6 +94,8 @@ class Pinch(Experiment):
 
     def compute(self, grid: Grid) -> Computed:
         """Paths past the pinch point; the smallest |L| of full runs against St.
+
+        The numbers of rows, of azimuths and of St, and the range of St, are estimates.
 
         Tables "aligned" and "tilted" have paths, named by their St, ∞ for the averaged one. "end"
         has the slow time at which the aligned averaged run ends. "crossing" has the smallest
@@ -301,7 +307,7 @@ def _tilted_scene(stokes: float) -> Scene:
 
 
 def _slow_to_pinch(kappa: float, slow_times: np.ndarray) -> tuple[Run, float]:
-    """The averaged run, L_x = L_y = 0 exactly, as far as the pinch point, and the slow time at which it is met."""
+    """The averaged run, L_x = L_y = 0 exactly, up to the pinch point, and the slow time of that."""
     body = spheroid(kappa)
     momentum, energy = _scene(kappa, 1.0).initial.slow[0, 2:] / max(body.inertia)
     return slow_run_to_pinch(body, (0.0, 0.0, momentum, energy), slow_times)
@@ -320,8 +326,8 @@ def _least_momentum(
     # times have to increase.
     speed = _MOMENTUM / slow_time
     half = min(slow_time, max(_WINDOW, 10 / sqrt(stokes)) / speed)
-    # The number of rows, 12001, and the tolerance, 1e-10, are estimates: |L|² lies on a parabola
-    # between rows, and the numbers are judged to 2 %.
+    # The number of rows, 12001, and the tolerance, 1e-10, are estimates. They suffice, as |L|² lies on
+    # a parabola between rows, and the numbers are judged to 2 %.
     times = np.concatenate([[0.0], stokes * (slow_time + half * np.linspace(-0.999, 2.0, 12001))])
     run = run_form(find_form(form), _scene(kappa, stokes, phi, times[-1] / stokes), times, 1e-10)
     squares = np.sum(run.slow[:, :3] ** 2, axis=1)
@@ -333,9 +339,12 @@ def _least_momentum(
 
 
 def growth_exponent(kappa: float) -> float:
-    """Exponent e with which a small L_y of a prolate spheroid grows like L_z^e on its way to the pinch point."""
-    # There h = cos θ_LO → 1, as Y_c > X_c, and dL_z/dt₂ → -4πX_c: by `lysmain` e = (X_c + Y_c
-    # I_a/I_e - 2Y_c)/X_c.
+    """Exponent e of a prolate spheroid: a small L_y grows like L_z^e on the way to the pinch point.
+
+    e is negative, so that L_y grows while L_z falls to 0.
+    """
+    # There h = cos θ_LO → 1, with θ_LO the angle between the axis and L, as Y_c > X_c, and dL_z/dt₂ →
+    # -4πX_c. By the averaged rate of L_y, `lysmain`, e = (X_c + Y_c I_a/I_e - 2Y_c)/X_c.
     body = spheroid(kappa)
     axial = body.resistance[2]
     equatorial = body.resistance[0]

@@ -1,8 +1,14 @@
 """The L_z–E planes of spheroids and of ellipsoids: slow trajectories, and full ones beside them.
 
 With L along the vorticity, L_x = L_y = 0, the averaged equations keep it there, so that their
-trajectories lie in the plane of L_z and E. `polhode.harness.paper.planes` computes its paths,
-`plane_drawing` draws them.
+trajectories lie in the plane of L_z and E. In it E is between L_z²/2I_max, the lower parabola, and
+L_z²/2I_min, the upper one. A trajectory with L_z > 0 ends in the pinch point L = 0, one with L_z < 0
+in a fixed point, nearly always the stable node. The node is on the lower parabola, the saddle on
+the upper one.
+`polhode.harness.paper.planes` computes paths, `plane_drawing` draws them.
+
+In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
+points. They and the limits of axes are chosen by eye.
 """
 
 from abc import abstractmethod
@@ -72,11 +78,11 @@ def plane_tables(
 ) -> Computed:
     """Slow trajectories from L_z/I_max and shares as of `energy_at`, and where they end.
 
-    Each has `points` rows up to a slow time of 1, some 25 relaxation times I/(8πX) or more, and is
-    thinned to those whose indices `chosen` gives from the slow variables, shape (n, 4). One on the
-    upper parabola, share 1, is followed up to the slow time `on_edge`: later, rounding carries it
-    off. The table "ends" has the `distance` of each end from the node, the slow time of the `end`,
-    and for L_z > 0 its `bound`.
+    Each has `points` rows up to a slow time of 1, some 25 relaxation times I/(8πX) or more. The table
+    "" has those rows whose indices `chosen` gives from the slow variables, shape (n, 4). A trajectory
+    on the upper parabola, share 1, is followed up to the slow time `on_edge`: later, rounding carries
+    it off. The table "ends" has the `distance` of each end from the node over I_max, the slow time of
+    the `end`, and for L_z > 0 its `bound`.
     """
     slow_times = graded(1.0, points)
     for number, (momentum, share) in enumerate(starts):
@@ -100,15 +106,15 @@ def name_of(body: Ellipsoid) -> str:
 
 @dataclass(frozen=True)
 class PlanesOfBodies(Experiment):
-    """Slow and full trajectories of several bodies, by the numbers that name them in the tables.
+    """Slow and full trajectories of several bodies.
 
-    `points` of each trajectory are drawn; differences are taken at four times as many. Tables: ""
-    has the trajectories, ∞ being the St of slow ones; "differences" the largest difference of each
-    full trajectory in any of the slow variables. All are over I_max.
+    Tables: "" has the trajectories, ∞ being the St of slow ones. "differences" has the largest
+    difference of each full trajectory from the slow one in any of the slow variables. All are over
+    I_max.
     """
 
-    named: tuple[tuple[float, Ellipsoid], ...]
-    points: int
+    named: tuple[tuple[float, Ellipsoid], ...]  # Bodies, each after its number in the tables.
+    points: int  # Of each trajectory that is drawn. Differences are taken at four times as many.
 
     @property
     def bodies(self) -> dict[float, Ellipsoid]:
@@ -116,7 +122,10 @@ class PlanesOfBodies(Experiment):
         return dict(self.named)
 
     def compute(self, grid: Grid) -> Computed:
-        """Trajectories, and the largest differences, while L_z of a start with L_z > 0 is above the pinch point."""
+        """Trajectories, and the largest differences.
+
+        With L_z > 0 at the start these count while L_z is above `planes.ABOVE_PINCH`.
+        """
         points = grid.of(self.points, 101)
         for (name, body), (number, (momentum, theta)) in product(
             self.bodies.items(), enumerate(_STARTS)
@@ -201,7 +210,7 @@ class PlanesOfBodies(Experiment):
     def _draw_differences(self, axes: Axes, differences: Table) -> None:
         """A group of bars for each body, one for each start."""
         for place, (_, rows) in enumerate(groups(differences, "body")):
-            # Bodies are 1 apart; the bars of one take 0.7 of that.
+            # Bodies are 1 apart. The bars of one, each 0.1 wide, take 0.7 of that.
             offsets = np.linspace(-0.3, 0.3, len(rows))
             axes.bar(place + offsets, rows.difference, 0.1, color=BLUE)
         names = [name_of(body) for body in self.bodies.values()]

@@ -1,7 +1,11 @@
 """Remarks of the paper in passing: drift of nearly circular bodies, frequencies, St* of spheroids.
 
-They stand in the paper's sections `asympcase` and `numress`. `polhode.harness.paper.jeffery_top`
-says what passages of φ = nπ and half turns are, and computes them.
+They stand in the paper's sections `asympcase` and `numress`. A passage of φ = nπ is a time at which
+the axis z' has no component along the flow, and a half turn is half a Jeffery period of the longest
+and the shortest axis: `polhode.harness.paper.jeffery_top` computes them.
+
+In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
+points. They and the limits of axes are chosen by eye.
 """
 
 from dataclasses import dataclass
@@ -38,8 +42,9 @@ from polhode.models.shape import Ellipsoid
 _NEARLY_CIRCULAR = 1.02
 # Starts of the orbits, at φ = 0: from near the vorticity axis to near the plane of the flow.
 _DRIFT_STARTS = (0.5, 0.9, 1.2, 1.4, 1.5, 1.56)  # θ in rad.
-_DRIFT_PSI = 0.3  # ψ in rad.
-# Half turns that the orbits are followed: several drifts, of 7 to 70 half turns each.
+_DRIFT_PSI = 0.3  # ψ in rad: any value, as θ varies.
+# Half turns for which the orbits are followed: several drifts, of 7 to 70 half turns each. A quarter
+# of them on the reduced grid.
 _DRIFT_TURNS = 400
 
 
@@ -205,11 +210,12 @@ class StokesStar(Experiment):
         return figure
 
 
-# Trajectories whose swings are counted, from a start of the paper's planes (`planes._STARTS`).
-_WAVE_STOKES = 1e3
+# Trajectories whose swings are counted, from one of the starts of the sections' planes
+# (`sections.planes`).
+_WAVE_STOKES = 1e3  # St of the claim.
 _WAVE_START = (-0.7, 0.9)  # L_z/I_max, and θ in rad.
 _WAVE_SLOW_TIME = 0.05  # Slow time over which swings are counted, before they die out: an estimate.
-_SPHEROID_KAPPAS = (2.0, 3.33)
+_SPHEROID_KAPPAS = (2.0, 3.33)  # Aspect ratios: the claim's, and one that is nearer to a sphere.
 
 
 @dataclass(frozen=True)
@@ -221,9 +227,10 @@ class Waves(Experiment):
 
         A swing is the change of E from one turning point to the next, half a period. The table has,
         for each body, its angular frequency in shear rates, the median size of a swing over I_max,
-        and its `scatter`: the median logarithm of the ratio of neighbouring swings.
+        and its `scatter`: the median size of the logarithm of the ratio of neighbouring swings.
         """
         bodies = [*map(spheroid, _SPHEROID_KAPPAS), *SIX_BODIES]
+        # 800 rows in each inverse shear rate, so that every turning point shows. An estimate.
         slow_times = np.linspace(0.0, _WAVE_SLOW_TIME, grid.of(40001, 10001))
         for number, body in enumerate(bodies):
             scene = planes.aligned_scene(body, _WAVE_STOKES, *_WAVE_START, _WAVE_SLOW_TIME)

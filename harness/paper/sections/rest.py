@@ -2,7 +2,12 @@
 
 A particle with much inertia that starts at rest is first turned by the flow's torque alone: within
 a time of order √St it has turned by one radian. A turn lasts from one maximum of the axis' z
-component to the next. Columns x, y, z of tables are the direction of the axis z'.
+component to the next. Columns x, y, z of tables are the direction of the axis z' in space axes.
+`govg` is the paper's equation of motion. Its gyroscopic term is ω × Iω, its viscous one the torque
+8πX(ω - Ω_J)/St, with Jeffery's angular velocity Ω_J.
+
+In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
+points. They and the limits of axes are chosen by eye.
 """
 
 from dataclasses import dataclass
@@ -90,13 +95,13 @@ def points(path: Table) -> np.ndarray:
 
 
 def arc_length(path: np.ndarray) -> np.ndarray:
-    """Length, in rad, of a path on the unit sphere up to each of its points, shape (n,)."""
+    """Length, in rad, of a path on the unit sphere, shape (n, 3), up to each of its points, shape (n,)."""
     steps = 2 * np.arcsin(np.clip(np.linalg.norm(np.diff(path, axis=0), axis=1) / 2, 0, 1))
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _jeffery_orbit(ellipsoid: Ellipsoid, start: EulerStart, count: int) -> Computed:
-    """z' at St = 0 from the same orientation, for the Jeffery period of the longest and the shortest axis.
+    """z' at St = 0 from the same orientation, for one Jeffery period of the longest and shortest axis.
 
     The table "jeffery" has `count` rows, at equal times `t` in inverse shear rates.
     """
@@ -109,7 +114,10 @@ def _jeffery_orbit(ellipsoid: Ellipsoid, start: EulerStart, count: int) -> Compu
 
 
 def distance_from(line: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Least distance of each place, shape (n, 3), from a line of straight segments, shape (m, 3)."""
+    """Least distance of each of n places from a line of straight segments, shape (n,).
+
+    `places` has shape (n, 3), and `line` the m ends of the segments, shape (m, 3).
+    """
     # `share` is the place of the foot of the perpendicular on each segment, 0 and 1 at its ends.
     sides = np.diff(line, axis=0)
     offsets = places[:, None] - line[:-1]
@@ -124,7 +132,10 @@ def turns(path: Table) -> np.ndarray:
 
 
 def terms_of(run: Run) -> tuple[np.ndarray, np.ndarray]:
-    """Sizes of the gyroscopic and of the viscous term of `govg`, per I, at each row of a run, shape (n,) each."""
+    """Sizes of the gyroscopic and of the viscous term of `govg` at each row of a run, shape (n,) each.
+
+    Both are in units of `Ellipsoid.inertia` and the shear rate.
+    """
     scene = run.scene
     rotation = run.observables.rotation
     inertia = np.array(scene.ellipsoid.inertia)
@@ -150,7 +161,7 @@ class Change:
 
     @classmethod
     def of(cls, path: Table) -> "Change":
-        """The change along a path, at the first turn that is shorter than the geometric mean of the first and last.
+        """The change along a path: at the first turn shorter than the geometric mean of first and last.
 
         `path` has the columns t and z.
         """
@@ -178,7 +189,10 @@ class Sphere(Experiment):
     stokes: float = 1e3
 
     def compute(self, grid: Grid) -> Computed:
-        """Path of z', and the time so far in which the viscous term is the larger one."""
+        """Path of z', and the time so far in which the viscous term is the larger one.
+
+        The numbers of rows are estimates: 20 that are kept in an inverse shear rate.
+        """
         kept = grid.of(12001, 6001)
         times = np.linspace(0.0, self.time, _DENSE * (kept - 1) + 1)
         scene = Scene(self.ellipsoid, self.stokes, self.start, self.time)
@@ -303,7 +317,8 @@ def _draw_orbit(axes: Axes, jeffery: Table) -> None:
 class Transient(Experiment):
     """A particle from rest at several St, followed for some √St.
 
-    `scaled` is t/√St. The table "onset" has, by St, the scaled times of the first radian and of the
+    `scaled` is t/√St, and `scaled_time` where it ends: twenty times the onset, an estimate. The
+    table "onset" has, by St, the scaled times of the first radian and of the
     first wiggle, and the angular velocity, in shear rates, at t = √St.
     """
 
@@ -586,8 +601,8 @@ _SHORT = (
     "Until t = St^½ the axis runs through a path whose length tends to a number of order one, which "
     "needs St of 1e8, and leaves the Jeffery orbit before a single turn."
 )
-# Bodies, starts and St are those of the paper's figures. They give no duration: t = 600 shows the
-# change of the turns and many turns after it.
+# Bodies, starts (Euler angles in rad) and St are those of the paper's figures. They give no duration:
+# t = 600, in inverse shear rates, shows the change of the turns and many turns after it.
 REST_SECTION = Section(
     "rest",
     "Starts from rest",

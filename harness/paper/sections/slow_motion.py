@@ -3,8 +3,12 @@
 Slow variables are (L_x, L_y, L_z, E) over the largest moment of inertia I_max: constant for the
 free top, they change in the slow time t₂ = t/St. The full equations have the oscillation of a turn
 in them, the averaged ones do not. L² = 2EI₂, with the middle moment of inertia I₂, is the polhode
-that parts those about the longest axis from those about the shortest one. Items of the sections on
+that parts those about the longest axis from those about the shortest one. The node is the stable
+fixed point of the averaged equations, the saddle an unstable one. Items of the sections on
 spheroids (`lsds`) and on ellipsoids use this experiment.
+
+In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
+points. They and the limits of axes are chosen by eye.
 """
 
 from dataclasses import dataclass, field
@@ -96,9 +100,9 @@ class SlowMotion(Experiment):
         distance of the `end` from the node. "averaged" has the distance of the averaged run's `end`
         from the node, and the slow time of its `crossing` of L² = 2EI₂.
         """
-        # Errors are taken at `dense` times as many points as are drawn. At the largest St there is
-        # only about one in a turn, but thousands of turns, so that some points lie near a turn's
-        # largest error.
+        # Errors are taken at `dense` times as many points as are drawn. Both numbers are estimates. At
+        # the largest St there is only about one point in a turn, but thousands of turns, so that some
+        # points lie near a turn's largest error.
         points = grid.of(601, 201)
         dense = grid.of(8, 4)
         slow_times = np.linspace(0.0, self.slow_time, dense * (points - 1) + 1)
@@ -107,6 +111,7 @@ class SlowMotion(Experiment):
         averaged = averaged_run(scene, slow_times).slow
         crossing = self._crossing(slow_times, averaged)
         yield "", path(np.inf, slow_times[::dense], averaged[::dense])
+        # The reduced grid has the last two of `_MEASURED_STOKES` alone.
         for stokes in sorted({*self.shown, *_MEASURED_STOKES[grid.of(0, -2) :]}):
             scene = Scene(self.ellipsoid, stokes, self.start, stokes * self.slow_time)
             full = full_run(scene, stokes * slow_times).slow

@@ -1,9 +1,12 @@
 """Spheroids at large St: slow variables, the L_z–E plane, projections and L–E planes.
 
-The claims stand in the paper's section `lsds`. I_a is the moment of inertia about the symmetry
-axis, I_e the one about an equatorial axis; I_e is the larger one, I_max, if κ > 1. The plane's
-lower and upper parabola are E = L²/2I_max
-and E = L²/2I_min; the node is on the lower one, the saddle on the upper one.
+The claims stand in the paper's section `lsds`. κ is the ratio of the symmetry axis to the other
+ones. I_a is the moment of inertia about the symmetry axis, I_e the one about an equatorial axis. I_e
+is the larger one, I_max, if κ > 1. The plane's lower and upper parabola are E = L²/2I_max and E =
+L²/2I_min. The stable node is on the lower one, the saddle on the upper one.
+
+In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
+points. They and the limits of axes are chosen by eye.
 """
 
 from dataclasses import dataclass
@@ -53,7 +56,7 @@ from polhode.harness.paper.tables import by, groups, joined, worst
 from polhode.models.scenes import NEAR_POLE_START, SPHEROID_START
 from polhode.models.theory.fixed_points import fixed_points
 
-_BODY = spheroid(2.0)
+_BODY = spheroid(2.0)  # The paper's, κ = 2, of all items but that on four spheroids.
 # Slow time for which trajectories on the upper parabola are followed, before rounding carries them
 # off it. An estimate.
 _ON_EDGE = 0.16
@@ -178,7 +181,8 @@ class Projections(Experiment):
         node; "between" how far a path in the plane of L_z and `across` (E, or Lxy = √(L_x² + L_y²))
         lies outside the two limiting ones. All are over I_max = I_e.
         """
-        # A slow time of 1 is some 36 relaxation times I_e/(8πY). The cosines are estimates.
+        # A slow time of 1 is some 36 relaxation times I_e/(8πY). The cosines and the 1201 rows are
+        # estimates.
         slow_times = graded(1.0, 1201)
         cosines = grid.of((-0.95, -0.5, 0.1, 0.6, 0.95), (-0.6, 0.6))
         for energy, cosine in product(_ENERGIES, cosines):
@@ -301,7 +305,8 @@ class LPlanes(Experiment):
         what a `share` is. Tables: "" has the paths, `ratio` is L_xy/L_z at the start; "ends" the
         distance of their ends from the node, and the `smallest` |L| on the way, over I_max.
         """
-        # A slow time of 1 is some 36 relaxation times I_e/(8πY). The shares are estimates.
+        # A slow time of 1 is some 36 relaxation times I_e/(8πY). The shares and the 1201 rows are
+        # estimates.
         slow_times = graded(1.0, 1201)
         shares = grid.of((0.05, 0.3, 0.6, 0.9), (0.3, 0.9))
         starts = product((0, 1), _RATIOS, (-1.0, 1.0), shares)
@@ -389,8 +394,9 @@ _INACCURATE_AT_100 = Range(
     ACCURATE, 1.5, "the correction: not accurate at 100, by a factor below three"
 )
 
-# Slow times, 0.5 and 1, are long enough to end at the node; the second start lingers at the saddle.
-# There the errors of its full runs follow a power law only from St = 5000 on.
+# Slow times, 0.5 and 1, are long enough to end at the node. The second start lingers at the saddle:
+# the errors of its full runs follow a power law only from St = 5000 on. "constant" is judged at the
+# largest St, where the error times St is 36 and 46 I_max.
 SPHEROIDS_SECTION = Section(
     "spheroids",
     "Spheroids at large St",
