@@ -1,7 +1,7 @@
 """Data of the items in a folder: CSV files with the tables, and a record in JSON.
 
 The record `ITEM.json` is written last. It names the tables, and has the key of all that the data
-depend on (`content_key`): data are current if today's code has the same key. Each section has a
+depend on (`content_key`). Data are current if today's code has the same key. Each section has a
 folder of its own, which the functions take.
 """
 

@@ -23,8 +23,8 @@ from polhode.solvers.compile import plain_field
 from polhode.solvers.solve import solve
 from polhode.solvers.taylor import Bound, extends_precision
 
-# Steps into which a whole run is divided at least, by the method that looks for pulses: a pulse that is
-# shorter than a step may be stepped over. An estimate: twice as many find pulses half as long, in twice the time.
+# Least number of steps of a whole run by the method that looks for pulses. A pulse that is shorter than a step
+# may be stepped over. An estimate: twice as many find pulses half as long, in twice the time.
 _LEAST_STEPS = 10_000
 # Steps between two samples, after which an explicit method gives way to an implicit one. An estimate: a
 # larger limit wastes time on stiff problems, a smaller one leaves more of them to looser witnesses.

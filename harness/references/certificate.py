@@ -2,8 +2,8 @@
 
 Forwards, an unrelated method solves a segment in another form. It starts from the reference's own
 observables, or from its state where the form is averaged. Its end is compared with the reference
-there. The "ratio" is the difference of the two over the other method's own error; it must be at
-most 1. Backwards, the reference's own method returns over the segment, and its ratio must be at
+there. The "ratio" is the difference of the two over the other method's own error. It must be at most
+1. Backwards, the reference's own method returns over the segment, and its ratio must be at
 most 1 too.
 """
 
@@ -34,8 +34,9 @@ _REQUIRED = 20
 _LONGEST = {"cyrk-vern8": 500.0, "exact": 500.0, "ida": 20.0, "dop853": 20.0}
 # Methods unrelated to Taylor's, the quicker one first.
 _UNRELATED = ("cyrk-vern8", "dop853")
-# Going back amplifies by exp(max(8πX/I) Δt/St): segments that go back keep the exponent below this, an
-# estimate. 8πX/I is the damping rate about a body axis at St = 1 (`Ellipsoid.damping`).
+# Going back amplifies by exp(max(8πX/I) Δt/St). Segments that go back keep the exponent below this, an
+# estimate: a smaller one leaves shorter segments to check. 8πX/I is the damping rate about a body axis at
+# St = 1 (`Ellipsoid.damping`).
 _LARGEST_EXPONENT = 5.0
 # Tight and loose tolerance of the other method. They are estimates, near the smallest that each one keeps. The
 # closed form of "exact" has no tolerance: its number only counts as error.
@@ -107,7 +108,7 @@ def certify(
 ) -> Certificate:
     """Solve the segments of a reference's run again, forwards and backwards.
 
-    `states` has the reference's states, shape (d,), by the times of `segments`; `problem` is what it solves.
+    `states` has the reference's states, shape (d,), by the times of `segments`. `problem` is what it solves.
     Raises ReferenceFailedError if a segment disagrees by more than the other method's own error, or
     too few can be tried.
     """

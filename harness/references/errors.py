@@ -34,7 +34,7 @@ _LEAST_INTERVALS = 16
 class Errors:
     """Errors along a run: each is the largest over the samples, and None where it cannot be known.
 
-    Errors of L and E (`slow`) are over I_max, the largest moment of inertia; angles are in rad. The
+    Errors of L and E (`slow`) are over I_max, the largest moment of inertia. Angles are in rad. The
     orientation error is the geodesic angle on SO(3) for a triaxial ellipsoid, and the angle between symmetry
     axes for a spheroid. It is None for a sphere or where a form gives no orientation. Up to `_SPLIT_LIMIT` it
     splits, to first order, into a phase along the motion and a shape across it.
@@ -206,7 +206,7 @@ def balance_residual(scene: Scene, found: Observables, reference: Observables) -
     # `torque_factor` is 1/St.
     power = power * scene.torque_factor / unit
     energy = (found.energy - reference.energy).astype(float) / unit
-    # Every other sample; of an odd number of intervals the last one is left out.
+    # Every other sample. Of an odd number of intervals the last one is left out.
     even = slice(0, intervals // 2 * 2 + 1, 2)
     fine = _residual(times, energy, power)
     coarse = _residual(times[even], energy[even], power[even])

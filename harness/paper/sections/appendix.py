@@ -314,7 +314,7 @@ def _deviations(entries: Sequence[Entry], worst: np.ndarray) -> dict[str, Any]:
 
 
 # The spheroid and the start of the first-order correction, with L along the vorticity. The paper
-# names κ alone; the other values are free, and chosen so that L, θ and φ are no special ones.
+# names κ alone. The other values are free, and chosen so that L, θ and φ are no special ones.
 _KAPPA = 2.0  # Ratio of the symmetry axis to the other ones.
 _MOMENTUM = -0.9  # L_z over I_e; the body is prolate, so that I_e is the largest moment of inertia.
 _THETA = 0.9  # Rad.
@@ -335,7 +335,7 @@ class FirstOrder(Experiment):
     """The averaged solution of a spheroid with its O(1/St) oscillation added."""
 
     def compute(self, grid: Grid) -> Computed:
-        """L_z in full, averaged and corrected at one St; the largest error against St.
+        """L_z in full, averaged and corrected at one St, and the largest errors against St.
 
         The table "errors" has the largest error along the run of each solution of `_COMPARED`, in
         units of I_e. The numbers of times and of St, and the range of St, are estimates.
@@ -458,8 +458,8 @@ def _first_order(stokes: float, points: int) -> dict[str, np.ndarray]:
     """L_z/I_e by four solutions, at `points` equidistant slow times, shape (points,) each.
 
     "full" and "averaged" are runs of the two forms. "printed" subtracts from the averaged one the
-    oscillation as the paper prints it, at twice the angle of precession, for which it takes the
-    mean of L_z since the start. "corrected" is derived by
+    oscillation as the paper prints it. That has twice the angle of precession as its argument, and the
+    paper computes the angle by the mean of L_z since the start. "corrected" is derived by
     `polhode.models.theory.spheroid_correction`.
     """
     shape = Spheroid.of(spheroid(_KAPPA))

@@ -2,9 +2,9 @@
 
 A mean is over rotations of the free top. Row i of a rotation matrix has the components of body axis
 i: `t` in space axes, `u` in axes of which the third one is along L (t_ij,LO in the paper). A
-formula is a function of n and z: n = L/|L| in space axes, (α₁₃, α₂₃, α₃₃) in the paper, and z =
-(⟨z₁²⟩, ⟨z₂²⟩, ⟨z₃²⟩) has the mean squares of z_i, the component of body axis i along L. In names of
-entries, x'1 x'2 y'3 are the components t_11, t_21, t_32; without a stroke they are components in
+formula is a function of n and z. n is L/|L| in space axes, (α₁₃, α₂₃, α₃₃) in the paper. z has the
+mean squares (⟨z₁²⟩, ⟨z₂²⟩, ⟨z₃²⟩), where z_i is the component of body axis i along L. In names of
+entries, x'1 x'2 y'3 are the components t_11, t_21, t_32. Without a stroke they are components in
 axes along L, u_11, u_21, u_32.
 
 The formulas are written entry by entry as the paper prints them, so that each can be compared with
@@ -45,7 +45,7 @@ class Entry:
         """Largest deviation of the printed and of the corrected formula from the mean.
 
         Without a corrected formula the printed one counts as both. `t` and `u` have shape
-        (m, 3, 3), `n` and `z` shape (3,); `spheroid_entries` has other arguments.
+        (m, 3, 3), `n` and `z` shape (3,). `spheroid_entries` has other arguments.
         """
         mean = self.mean(t, u)
         formulas = (self.printed, self.corrected or self.printed)
@@ -86,9 +86,9 @@ def spheroid_entries() -> list[Entry]:
     """The eight entries of the spheroid's table.
 
     Here `t` holds the symmetry axis p = (sin θ sin φ, -sin θ cos φ, cos θ) in space axes, shape
-    (3, m), `u` is not used, and z is (h²,), shape (1,). h is the cosine of the angle between p and
-    L, taken as positive, and 1 - h² is h̄² in the paper. n may not be along the vorticity: two
-    formulas divide by n₁² + n₂².
+    (3, m). `u` is not used. z is (h²,), shape (1,), and h is the cosine of the angle between p and L,
+    taken as positive. 1 - h² is h̄² in the paper. n may not be along the vorticity: two formulas
+    divide by n₁² + n₂².
     """
     return [
         Entry("cos θ", lambda t, u: _mean(lambda p: p[2], t), lambda n, z: n[2] * z[0] ** 0.5),
@@ -370,7 +370,7 @@ def _mean_third_space(t: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def _third_space(n: np.ndarray, z: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """The formula for these; for l = 3 it weights the three z by n² rightly, and by n as printed."""
+    """The formula for these. For l = 3 it weights the three z by n² rightly, and by n as printed."""
     moments = np.empty((len(_ROWS), 3))
     for row, (i, j, k) in enumerate(_ROWS):
         first = n[0] * n[2] * (z[i] - z[j])

@@ -1,8 +1,8 @@
 """Questions beyond the paper: averaging's error, crossings of L² = 2EI₂, the saddle, basins.
 
-All are of the paper's ellipsoid (1, 0.8, 0.5). A crossing is the passage of a run from wobbling
-about the longest axis (L² < 2EI₂) to wobbling about the shortest, over the separatrix of the free
-top. The first item answers the paper's remark on resonances. The node is the stable fixed point of
+All are of the paper's ellipsoid (1, 0.8, 0.5). A crossing is the passage of a run over the
+separatrix of the free top, from wobbling about the longest axis (L² < 2EI₂) to wobbling about the
+shortest. The first item answers the paper's remark on resonances. The node is the stable fixed point of
 the averaged equations, the saddle the rotation about the longest axis. A fast phase is the angle of
 the nutation or of the precession: averaged equations do not know it.
 
@@ -81,7 +81,7 @@ _FAST_SOLVER = "cyrk-vern8"
 # Smallest St of the fits of the order, an estimate: just below the third one that is computed.
 _ASYMPTOTIC = 9e4
 # Starts lie between these shares of the way from the lower to the upper bound of L²/2E on their
-# side; starts of the long side are close to L² = 2EI₂ and cross it soon. Estimates.
+# side. Starts of the long side are close to L² = 2EI₂ and cross it soon. Estimates.
 _SHARES = {"short": (0.2, 0.8), "long": (0.6, 0.9)}
 
 
@@ -709,7 +709,7 @@ def _scatters(table: Table) -> tuple[dict[float, Scatter], dict[float, Scatter]]
 _ENDING_TIME = 1.5
 # Ticks of the figure of arrivals: slow times, and their texts.
 _TICKS = ([0.2, 0.5, 1.0], ["0.2", "0.5", "1"])
-# Distance from the node, over I_max, at which a run has arrived: an estimate, above what remains of
+# Distance from the node, over I_max, at which a run has arrived. An estimate, above what remains of
 # the full runs' oscillation at the smallest St.
 _ARRIVED = 0.06
 _ENDING_STOKES = (3e2, 5e2, 1e3, 3e3, 1e4)  # St of the full runs: a choice.
@@ -739,9 +739,9 @@ def saddle_start(generator: np.random.Generator, spread: float) -> BodyStart:
 
 
 def _arrival(slow_times: np.ndarray, slow: np.ndarray, radius: float = _ARRIVED) -> float:
-    """Slow time from which on L and E stay close to the node; the end if they do not.
+    """Slow time from which on L and E stay close to the node, or the last one if they do not.
 
-    `slow` has the slow variables at the slow times, shape (n, 4); `radius` is the distance that is
+    `slow` has the slow variables at the slow times, shape (n, 4). `radius` is the distance that is
     close, over I_max.
     """
     away = np.flatnonzero(distance_from_node(_ELLIPSOID, slow) > radius)
@@ -962,8 +962,8 @@ class Basins(Experiment):
         cosines = np.linspace(-0.999, 0.999, size).tolist()
         heights = np.linspace(0.002, 0.998, size).tolist()
         # L has the size I_max/2 and the cosine of its angle to the vorticity, with L_x = L_y. The
-        # ranges of cosine and height, the share of E between its bounds, end just inside ±1, where L
-        # is along the vorticity, and inside 0 and 1, the permanent rotations.
+        # range of the cosine ends just inside ±1, where L is along the vorticity. The height is the
+        # share of E between its bounds, which are permanent rotations: it ends just inside 0 and 1.
         for cosine, height in product(cosines, heights):
             sine = sqrt((1 - cosine**2) / 2)
             slow = (0.5 * sine, 0.5 * sine, 0.5 * cosine, energy_at(_ELLIPSOID, 0.5, height))
@@ -1083,7 +1083,7 @@ class Basins(Experiment):
 def map_of(table: Table, names: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Coordinates of a map's rows and columns, and its values, shape (rows, columns).
 
-    The table has a row for each value; those of one row of the map follow each other. `names` has
+    The table has a row for each value, one row of the map after the other. `names` has
     the names of the table's columns with the first and the second coordinate and the value, with
     spaces between them.
     """

@@ -2,7 +2,7 @@
 
 The approach from large L is the decay of L ≫ I. The collapse is the paper's claim that curves of
 different bodies become one. A clock is a unit of time in which relaxation is measured: t/St, or
-t/St* with an effective Stokes number St* = I St/(8πX) of one of the body's axes, I its moment of
+t/St*. St* = I St/(8πX) is the effective Stokes number of one of the body's axes, I its moment of
 inertia and X its resistance. On the right clock all bodies relax alike. The printed rates are
 `fixed_points.eigenvalues`. Rates are per unit of slow time t₂ = t/St unless another clock is named.
 I and X are `Ellipsoid.inertia` and `resistance`, without unit. Indices a and c are of a spheroid's
@@ -87,8 +87,8 @@ def displaced(body: Ellipsoid, mode: int) -> BodyStart | EulerStart:
     if mode == _WOBBLE:
         # L stays -½ I₃ ẑ, and z' is tilted away from it.
         return aligned_start(body, -body.inertia[2] / 2, _START_OFFSET)
-    # z' = (sin θ sin φ, -sin θ cos φ, cos θ) is tilted to x by φ = π/2, and to y by φ = 0; ψ = 0.3
-    # is any.
+    # z' = (sin θ sin φ, -sin θ cos φ, cos θ) is tilted to x by φ = π/2, and to y by φ = 0. Any ψ
+    # would do, as 0.3.
     tilt = 0.0 if mode == _FASTER else _START_OFFSET
     azimuth = pi / 2 if mode == _TILTED_TO_X else 0.0
     spin = -0.5 - (_START_OFFSET if mode == _FASTER else 0.0)
@@ -119,7 +119,7 @@ def fitted_rate(slow_times: np.ndarray, values: np.ndarray) -> float:
 
 @cache
 def decay_tables(grid: Grid) -> tuple[Part, ...]:
-    """Rates of all modes of all bodies from full runs; decay of large L of two spheroids.
+    """Rates of all modes of all bodies from full runs, and the decay of large L of two spheroids.
 
     The first table, "", is that of `_rates`, "large" that of `_from_large`. Two items share them.
     """
@@ -135,7 +135,7 @@ def _rates(grid: Grid) -> Computed:
     for number, body in enumerate(_BODIES):
         clock = body.inertia[2] / (8 * pi * body.resistance[2])
         for mode, printed in enumerate(eigenvalues(body, 2)):
-            # A run lasts 1.5 relaxation times of the printed rate, an estimate: the offset is then still
+            # A run lasts 1.5 relaxation times of the printed rate, an estimate. Then the offset is still
             # a fifth of what it was or more, far above the fast oscillation.
             slow_times = np.linspace(0.0, 1.5 / abs(printed), grid.of(4001, 1001))
             times = _DECAY_STOKES * slow_times
@@ -177,7 +177,7 @@ def _from_large(grid: Grid) -> Computed:
 def large_decay(large: Table) -> list[float]:
     """Decay of L² from large L along and across the axis, over the printed rate, less one.
 
-    `large` is the table of `_from_large`; the four numbers are two of each spheroid.
+    `large` is the table of `_from_large`. The four numbers are two of each spheroid.
     """
     ratios = []
     for kappa, part in groups(large, "kappa"):
@@ -392,8 +392,8 @@ def collapse_start(kappa: float) -> tuple[Ellipsoid, float, BodyStart]:
 def frequency(run: Table) -> float:
     """Angular frequency of L_z, in units of the shear rate, from its first settled maximum to its last.
 
-    The column t2 of `run` is t/St*; settled is the second half of the time up to `_LATE` and after, an
-    estimate: L_z relaxes within 1 to 1.7 units of t/St*.
+    The column t2 of `run` is t/St*. Settled is the second half of the time up to `_LATE` and after. This
+    is an estimate: L_z relaxes within 1 to 1.7 units of t/St*.
     """
     settled = run[run.t2 >= _LATE / 2]
     first, *between, last = maxima(settled.t2, settled.Lz)
@@ -404,8 +404,8 @@ def frequency(run: Table) -> float:
 class Collapse(Experiment):
     """Four spheroids at the same St*.
 
-    Tables: "" has L_z and E over I_max against t/St* (column `t2`), "rates" the relaxation rate of
-    L_z at the node per slow time t/St (`t2`) and per t/St* (`star`).
+    The table "" has L_z and E over I_max against t/St* (column `t2`). "rates" has the relaxation rate
+    of L_z at the node per slow time t/St (`t2`) and per t/St* (`star`).
     """
 
     def compute(self, grid: Grid) -> Computed:

@@ -104,7 +104,10 @@ def _moments(side: Side) -> tuple[float, float, float]:
 
 
 def state_of(local: Separatrix, complement: float, shift: float) -> list[float]:
-    """Slow variables over I_max at y, `complement`, and L_z', `shift`, not over I_max; L_x = L_y = 0."""
+    """Slow variables over I_max, with L_x = L_y = 0, at y (`complement`) and L_z' (`shift`).
+
+    L_z' is not over I_max.
+    """
     return (np.array(local.slow_state(complement, shift)) / _UNIT).tolist()
 
 
@@ -130,7 +133,7 @@ def _averaged_rates(local: Separatrix, complement: float, shift: float) -> tuple
 
 
 def critical_start(complement: float, points: int) -> tuple[list[float], float]:
-    """Start, at y on the long side, of the averaged trajectory that meets the singular point; and when.
+    """Start, at y on the long side, of the averaged trajectory that meets the singular point, and when.
 
     A bisection of L_z' at the start finds it: trajectories that start with more pass the point with
     more. The start has the slow variables over I_max. Runs have `points` rows. The last row before
@@ -431,8 +434,8 @@ class FirstStart(SlowMotion):
 def _scatter(values: np.ndarray) -> float:
     """Median size of the logarithm of the ratio of a swing to the next one in the same direction.
 
-    A swing is the change of a value from one turning point to the next; every other one has the
-    same direction.
+    A swing is the change of a value from one turning point to the next. Every other one has the same
+    direction.
     """
     # Rows at which the difference to the next row changes its sign.
     turning = np.flatnonzero(np.diff(np.sign(np.diff(values)))) + 1
@@ -446,7 +449,7 @@ _CLOSE_TO_POINT = 2e-3
 # Slow time for which the trajectory on the upper parabola is followed: later, rounding carries it
 # off. An estimate.
 _ON_EDGE = 0.25
-# Half sizes along L_z and E of the magnified view of the singular point, over I_max; estimates.
+# Half sizes along L_z and E of the magnified view of the singular point, over I_max: by eye.
 _WINDOW = (0.004, 0.0016)
 
 
@@ -456,8 +459,8 @@ class Plane(Experiment):
 
     def compute(self, grid: Grid) -> Computed:
         """Slow trajectories, and the critical one: local and averaged, on both sides of the singular point."""
-        # Starts are pairs of L_z/I_max and the share, by `energy_at`, of E between its bounds: from
-        # next to the lower parabola to next to the upper one; the last start lies on the upper one.
+        # Starts are pairs of L_z/I_max and the share, by `energy_at`, of E between its bounds. Shares go
+        # from next to the lower parabola to next to the upper one. The last start lies on the upper one.
         # -1.1 is beyond the fixed points of L_z < 0, the farthest of which is at -0.5, and -0.08
         # between them and the pinch point. The values are estimates.
         shares = (0.001, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 0.999)[:: grid.of(1, 4)]

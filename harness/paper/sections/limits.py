@@ -1,8 +1,8 @@
 """The limits St = 0 and ∞: Poincaré sections and chaos of the Jeffery top, and Euler tops.
 
-The Jeffery top is an ellipsoid without inertia, St = 0; the Euler top is one without flow, St = ∞.
+The Jeffery top is an ellipsoid without inertia, St = 0. The Euler top is one without flow, St = ∞.
 The items are the paper's figures `slender_prolate` to `flat_oblate`, `euler_top_nutation` and
-`symmetric_top_nutation`. `polhode.harness.paper.jeffery_top` computes orbits of the Jeffery top;
+`symmetric_top_nutation`. `polhode.harness.paper.jeffery_top` computes orbits of the Jeffery top.
 `polhode.models.free_top` has the Euler top's closed form.
 
 In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
@@ -68,10 +68,10 @@ _BESIDE_OFFSETS = (1e-3, 5e-3, 2e-2)  # Rad: distances from the saddle along θ.
 # steps of 1e-4 lie within about its width, the largest ones some ten widths off.
 _STEPS_OFF = (-16e-4, -9e-4, -4e-4, -1e-4, 0.0, 1e-4, 4e-4, 9e-4, 16e-4)
 # A start of the last kind that lies nearer than this, in rad, to the middle of the layer is that of
-# step 0: tables have eight digits, which blur θ by up to 5e-8, and the next step, of 1e-4 of the
+# step 0. Tables have eight digits, which blur θ by up to 5e-8. The next step, of 1e-4 of the
 # separatrix' 0.78 rad, lies 8e-5 rad off.
 _IN_THE_MIDDLE = 1e-6
-# Width, in rad, up to which rounding alone may give a separatrix a layer: an estimate, some 500
+# Width, in rad, up to which rounding alone may give a separatrix a layer. An estimate, some 500
 # times the width of 2e-15 that is measured where there is none
 # (reports/paper/limits/poincare-fat-oblate-layer.csv).
 _ROUNDING = 1e-12
@@ -96,8 +96,8 @@ _REDUCED_STARTS = 16  # Of either random kind on the reduced grid.
 # Half turns over which a layer is measured: the more, the wider it shows itself. Two counts show by
 # how much; they are estimates.
 _LAYER_HALF_TURNS = (200, 800)
-# About how many points of a section are kept, of all of it and of the magnified view (`_thinned`):
-# more than are drawn, for those who take the data. Estimates.
+# About how many points of a section are kept, of all of it and of the magnified view (`_thinned`).
+# They are more than are drawn, for those who take the data. Estimates.
 _POINTS_KEPT = 9000
 _CLOSE_POINTS_KEPT = 6000
 
@@ -148,8 +148,8 @@ class _Sections(Experiment):
     """Poincaré sections of one ellipsoid, with its saddles at θ = π/2, ψ = ±π/2.
 
     There x' lies along the vorticity. A saddle is the rotation about the shortest axis for a
-    prolate-like body and about the longest one for an oblate-like body (docs/misprints.md), so that
-    x' must be that axis: z' is the longest axis of the first and the shortest of the second.
+    prolate-like body and about the longest one for an oblate-like body (docs/misprints.md). x' must
+    be that axis: so z' is the longest axis of the first and the shortest of the second.
 
     The section is φ = nπ: θ and ψ are recorded whenever z' lies in the plane of φ = 0. An orbit
     librates if z' passes θ = π/2 from one section point to the next, and circulates if ψ goes
@@ -157,12 +157,16 @@ class _Sections(Experiment):
     `jeffery_top.half_turn`, half a Jeffery period. Counts called "turns" are of half turns. An orbit
     is chaotic if its tangent was stretched beyond `chaos_border`.
 
-    Tables: "orbits" has a row for each start with its kind, exponent and whether it is chaotic;
-    "growth" the chaotic isotropic starts after some counts of half turns; "" and "close" the points
-    that are drawn; "layer" the ends of the layer of chaos, `librating` and `circulating`, as θ - π/2
-    in rad at ψ = 0 (`jeffery_top.measure_layer`); "across" the starts across it; "saddle" the
-    exponent of the saddle per half turn; "settings" the duration of the orbits, in inverse shear
-    rates, and the same in half turns, `turns`.
+    Tables:
+
+    - "orbits": a row for each start with its kind, exponent and whether it is chaotic.
+    - "growth": the number of chaotic isotropic starts after some counts of half turns.
+    - "" and "close": the points of the section and of the magnified view.
+    - "layer": the ends of the layer of chaos, `librating` and `circulating`, as θ - π/2 in rad at
+      ψ = 0 (`jeffery_top.measure_layer`).
+    - "across": the starts across the layer (`jeffery_top.orbits_across`).
+    - "saddle": the exponent of the saddle per half turn.
+    - "settings": the duration of the orbits, in inverse shear rates, and in half turns, `turns`.
     """
 
     seconds: ClassVar[float] = 40.0
@@ -177,7 +181,7 @@ class _Sections(Experiment):
         """Starts of all kinds, the random ones from a fixed seed.
 
         `layers` has the ends of the layer of chaos for each number of half turns, the largest one
-        last; without any there are no starts about the separatrix.
+        last. Without any there are no starts about the separatrix.
         """
         # Any seed would do.
         generator = np.random.default_rng(7)
@@ -722,13 +726,13 @@ def measured_period(path: Table) -> float:
     return path.t[-1] * 2 * pi / abs(azimuth[-1] - azimuth[0])
 
 
-# z' is the longest axis of the first two bodies and the shortest of the others. Slender and flat
-# bodies, for which chaos is claimed to dominate, have more isotropic starts, which narrows the
-# interval of the share to ±0.02, and fewer half turns, the last half of which changes the share by
-# 0.01 at most. Where chaos is claimed to be thin, 400 orbits without any that is chaotic
-# bound the share by 0.01. They are followed for 400 half turns, an estimate: of the chaotic orbits
-# of the fat prolate body the slowest has the exponent 0.054, and 0.054 n passes the border of
-# 3 log n after about 320. Magnified views are chosen by eye.
+# z' is the longest axis of the first two bodies and the shortest of the others. Chaos is claimed to
+# dominate for slender and flat bodies. Their 2000 isotropic starts narrow the interval of the share to
+# ±0.02. They have 120 half turns, the last half of which changes the share by 0.01 at most. Where
+# chaos is claimed to be thin, 400 orbits without any that is chaotic bound the share by 0.01. They
+# are followed for 400 half turns, an estimate. Of the chaotic orbits of the fat prolate body the
+# slowest has the exponent 0.054: n half turns stretch it by 0.054 n, which passes the border, 3 log n,
+# after about 320. Magnified views are chosen by eye.
 LIMITS_SECTION = Section(
     "limits",
     "Limiting cases: the Jeffery and the Euler top",

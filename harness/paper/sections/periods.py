@@ -86,7 +86,7 @@ def validity(rows: Table) -> float:
     `rows` are those of one κ in the table of `PeriodChange`, in increasing St.
     """
     error = np.abs(rows.change / rows.printed - 1)
-    # Up to the first St at which the law is lost; ln St is interpolated in the error.
+    # Up to the first St at which the law is lost. ln St is interpolated in the error.
     last = int(np.argmax(error > _LAW_LOST))
     return float(np.exp(np.interp(_LAW_LOST, error[: last + 1], np.log(rows.stokes[: last + 1]))))
 
@@ -562,7 +562,7 @@ class PlanarFlows(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """The α above which turning ends, by bisection."""
         for kappa, stokes in product(_PLANAR_KAPPAS, _PLANAR_STOKES):
-            # Down to rounding where turning has a closed form; to 6e-5 where it takes a run.
+            # Down to rounding where turning has a closed form, to 6e-5 where it takes a run.
             halvings = 50 if stokes == 0 else grid.of(14, 9)
             threshold = bisected(partial(turns, kappa, stokes), 0.0, 1.0, halvings)
             printed = min(kappa, 1 / kappa) ** 2

@@ -1,7 +1,7 @@
 """Full and slow trajectories of spheroids at the pinch point L = 0.
 
-A run that starts with L along the vorticity and L_z > 0 slows down, and passes L = 0 on its way to
-the node at L_z < 0. In the averaged equations L = 0 is singular: there the aligned trajectory ends.
+A run that starts with L along the vorticity and L_z > 0 slows down. It passes L = 0 on its way to the
+node at L_z < 0. In the averaged equations L = 0 is singular: there the aligned trajectory ends.
 The item measures how near full runs come to it, by their smallest |L| against St. The theory of its
 exponent stands in `growth_exponent` and `pinch_exponent`. Spheroids have the aspect ratio κ, the
 moments I_a about their symmetry axis and I_e across it, and the resistances X_c and Y_c.
@@ -79,10 +79,10 @@ _WIDTH_KAPPAS = (1.2, 2.0, 3.0)
 # Half the window around the crossing in which the smallest |L| is looked for, over I_max, at large
 # St. An estimate: the smallest |L| of any run is 0.04 I_max.
 _WINDOW = 0.05
-# St at which `hybrid`, which follows the neighbourhood by the full equations, is compared with a
-# full run throughout: as large as a full run of some seconds allows.
+# St at which a run of `hybrid`, which follows the neighbourhood by the full equations, is compared
+# with a full run. It is as large as a full run of some seconds allows.
 _COMPARED_STOKES = 1e7
-# Line widths of the trajectories by St, in points; the averaged one, St = ∞, lies on top.
+# Line widths of the trajectories by St, in points. The averaged one, St = ∞, lies on top.
 _WIDTHS = {np.inf: 0.6, 1e3: 1.9, 1e4: 1.4, 1e5: 1.0}
 
 
@@ -93,7 +93,7 @@ class Pinch(Experiment):
     seconds: ClassVar[float] = 3.0
 
     def compute(self, grid: Grid) -> Computed:
-        """Paths past the pinch point; the smallest |L| of full runs against St.
+        """Paths past the pinch point, and the smallest |L| of full runs against St.
 
         The numbers of rows, of azimuths and of St, and the range of St, are estimates.
 

@@ -1,7 +1,7 @@
 """The L_z–E planes of spheroids and of ellipsoids: slow trajectories, and full ones beside them.
 
-With L along the vorticity, L_x = L_y = 0, the averaged equations keep it there, so that their
-trajectories lie in the plane of L_z and E. In it E is between L_z²/2I_max, the lower parabola, and
+With L along the vorticity, L_x = L_y = 0, the averaged equations keep it there. So their trajectories
+lie in the plane of L_z and E. In it E is between L_z²/2I_max, the lower parabola, and
 L_z²/2I_min, the upper one. A trajectory with L_z > 0 ends in the pinch point L = 0, one with L_z < 0
 in a fixed point, nearly always the stable node. The node is on the lower parabola, the saddle on
 the upper one.
@@ -44,9 +44,9 @@ from polhode.models.theory.fixed_points import fixed_points
 # Share, as of `energy_at`, of starts on the upper parabola: rounding must not carry them out of the
 # plane. An estimate: hundreds of roundings of E.
 _INSIDE = 1 - 1e-13
-# L_z/I_max and θ₀, in rad, of the starts of the planes: on both sides of the pinch point, and beyond
-# the fixed points of L_z < 0, the farthest of which is at -0.5. θ₀ sets E between its bounds. The
-# values are estimates.
+# L_z/I_max and θ₀, in rad, of the starts of the planes. L_z lies on both sides of the pinch point, and
+# beyond the fixed points of L_z < 0, the farthest of which is at -0.5. θ₀ sets E between its bounds.
+# The values are estimates.
 _STARTS = tuple(product((-0.7, 0.7), (0.4, 0.9, 1.4)))
 
 

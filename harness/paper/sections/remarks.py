@@ -1,8 +1,8 @@
 """Remarks of the paper in passing: drift of nearly circular bodies, frequencies, St* of spheroids.
 
 They stand in the paper's sections `asympcase` and `numress`. A passage of φ = nπ is a time at which
-the axis z' has no component along the flow, and a half turn is half a Jeffery period of the longest
-and the shortest axis: `polhode.harness.paper.jeffery_top` computes them.
+the axis z' has no component along the flow. A half turn is half a Jeffery period of the longest and
+the shortest axis. `polhode.harness.paper.jeffery_top` computes both.
 
 In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
 points. They and the limits of axes are chosen by eye.
@@ -73,7 +73,7 @@ class Drift(Experiment):
         periods = []
         crossing = []
         for _, rows in groups(bodies[_NEARLY_CIRCULAR], "orbit"):
-            # Each drift has one maximum of θ; smaller ones, of less than a fifth of the range, are
+            # Each drift has one maximum of θ. Smaller ones, of less than a fifth of the range, are
             # the scatter of single passages. An estimate.
             peaks, _ = find_peaks(rows.theta, prominence=0.2 * np.ptp(rows.theta))
             if len(peaks) > 1:
@@ -251,8 +251,8 @@ class Waves(Experiment):
         spheroids = table[:count]
         bodies = table[count:]
         # In the order (b, c) = (0.55, 0.5), (0.55, 0.3), (0.75, 0.5), … of `SIX_BODIES`.
-        # So a row has one b, a column one c; b = 0.55 is near a prolate spheroid, 0.95 near an
-        # oblate one, and 0.75, in places 2 and 3, between.
+        # So a row has one b, a column one c. b = 0.55 is near a prolate spheroid, 0.95 near an oblate
+        # one, and 0.75, in places 2 and 3, between.
         columns = bodies.frequency.reshape(3, 2)
         growth = columns[2] / columns[0]
         monotone = bool(np.all(np.diff(columns, axis=0) > 0))

@@ -1,7 +1,7 @@
 """Starts from rest: the path of the axis on the unit sphere, and the transient of order √St.
 
-A particle with much inertia that starts at rest is first turned by the flow's torque alone: within
-a time of order √St it has turned by one radian. A turn lasts from one maximum of the axis' z
+At first the flow's torque alone turns a particle with much inertia that starts at rest. Within a time
+of order √St it has turned by one radian. A turn lasts from one maximum of the axis' z
 component to the next. Columns x, y, z of tables are the direction of the axis z' in space axes.
 `govg` is the paper's equation of motion. Its gyroscopic term is ω × Iω, its viscous one the torque
 8πX(ω - Ω_J)/St, with Jeffery's angular velocity Ω_J.
@@ -127,7 +127,7 @@ def distance_from(line: np.ndarray, places: np.ndarray) -> np.ndarray:
 
 
 def turns(path: Table) -> np.ndarray:
-    """Durations of turns, from one maximum of z to the next; `path` has the columns t and z."""
+    """Durations of turns, from one maximum of z to the next, of a table with the columns t and z."""
     return np.diff(maxima(path.t, path.z))
 
 
@@ -336,8 +336,8 @@ class Transient(Experiment):
             if stokes in self.stokes:
                 columns = dict(zip(SLOW_LABELS, run.slow[::_THINNED].T, strict=True))
                 yield "", {"stokes": stokes, "scaled": scaled[::_THINNED], **columns}
-            # Scaled times of the first radian and of the first wiggle of L_z, its weakest torque;
-            # the speed at t = √St.
+            # Scaled times of the first radian and of the first wiggle of L_z, where its torque is
+            # weakest, and the speed at t = √St.
             speed = np.linalg.norm(angular_velocity(self.ellipsoid, run.observables), axis=1)
             angle = cumulative_trapezoid(speed, run.times, initial=0.0)
             torque = np.gradient(run.observables.angular_momentum[:, 2], run.times)
@@ -506,7 +506,7 @@ class Short(Experiment):
         for stokes in np.geomspace(1e2, 1e8, 7).tolist():
             times = scaled * stokes**0.5
             path = _path(full_run(Scene(self.ellipsoid, stokes, self.start, times[-1]), times))
-            # Every other row draws the path; its length is taken from all rows.
+            # Every other row draws the path. Its length is taken from all rows.
             yield "", {"stokes": stokes, **{name: column[::2] for name, column in path.items()}}
             length = arc_length(np.column_stack([*path.values()]))[-1]
             yield "length", {"stokes": stokes, "length": length}

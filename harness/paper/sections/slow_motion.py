@@ -49,15 +49,15 @@ SLOW_LABELS = {
 _MEASURED_STOKES = (1e3, 2e3, 1e4, 2e4, 5e4)
 # St from which on the paper calls averaging accurate.
 _CLAIMED_STOKES = 100.0
-# Largest error of L and E that counts as accurate, over the largest change of a slow variable in
-# the averaged run: beyond half of it a full run is nearer to a state of another time.
+# Largest error of L and E that counts as accurate, over the largest change of a slow variable in the
+# averaged run. Beyond half of that change a full run may be nearer to a state of another time.
 ACCURATE = 0.5
 # The same where "accurate" is read more strictly. The paper names no number: an estimate.
 _ACCURATE_STRICT = 0.1
-# Smallest St of full runs whose end is compared with the node: from here on the mean end is off by
+# Smallest St of full runs whose end is compared with the node. From here on the mean end is off by
 # 1e-3 I_max at most, at smaller St by up to 0.3 I_max (column `end` of "errors").
 _SETTLED_STOKES = 500.0
-# Share of the run's time up to which a run that leaves a plateau counts as having left it: later,
+# Share of the run's time up to which a run that leaves a plateau counts as having left it. Later,
 # its oscillation at the end may be taken for that. An estimate.
 _PLATEAU_LEFT = 0.95
 
@@ -125,7 +125,7 @@ class SlowMotion(Experiment):
         yield "averaged", {"end": self._end(averaged), "crossing": crossing}
 
     def _crossing(self, slow_times: np.ndarray, averaged: np.ndarray) -> float:
-        """Slow time at which L² = 2EI₂; NaN if it is not met.
+        """Slow time at which L² = 2EI₂, NaN if it is not met.
 
         `averaged` has the slow variables at the slow times, shape (n, 4).
         """
@@ -138,7 +138,7 @@ class SlowMotion(Experiment):
     def _end(self, slow: np.ndarray) -> float:
         """Distance from the node of the mean over the last tenth of a run, shape (n, 4).
 
-        The mean leaves out the oscillation; the share of a tenth is an estimate.
+        The mean leaves out the oscillation. The share of a tenth is an estimate.
         """
         return float(distance_from_node(self.ellipsoid, slow[-len(slow) // 10 :].mean(axis=0)))
 
@@ -148,7 +148,7 @@ class SlowMotion(Experiment):
         return Verdict(self.word, sentence, self.caption(data), self.numbers(data, data["errors"]))
 
     def numbers(self, data: Data, errors: Table) -> list[Number]:
-        """The numbers that the claim rests on; `errors` is the table of that name."""
+        """The numbers on which the claim rests, from the tables and that of the name "errors"."""
         fitted = errors[errors.stokes >= self.fitted_from]
         slope = exponent(fitted.stokes, fitted.error)
         # The table has its St in increasing order.
@@ -233,7 +233,7 @@ class SlowMotion(Experiment):
         )
 
     def _plateau(self, data: Data) -> str:
-        """When the runs leave the plateau at the saddle; empty where there is none.
+        """When the runs leave the plateau at the saddle, in words; empty where there is none.
 
         On the plateau E is smallest. A run has left it at the last slow time at which E is less
         than halfway from there to the node.

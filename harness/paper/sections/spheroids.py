@@ -68,8 +68,8 @@ class Plane(Experiment):
 
     def compute(self, grid: Grid) -> Computed:
         """Slow trajectories from both edges of the plane, and from close to the pinch point."""
-        # Starts are pairs of L_z/I_max and the share, by `energy_at`, of E between its bounds; the
-        # last two lie on the upper parabola. -1.1 is beyond the fixed points, which lie at -0.5 and
+        # Starts are pairs of L_z/I_max and the share, by `energy_at`, of E between its bounds. The last
+        # two lie on the upper parabola. -1.1 is beyond the fixed points, which lie at -0.5 and
         # -0.2, and -0.06 between them and the pinch point. The values are estimates.
         shares = (0.001, 0.05, 0.15, 0.3, 0.5, 0.7, 0.85, 0.95, 0.999)[:: grid.of(1, 4)]
         starts = [*product((-1.1, -0.06, 1.1), shares)]
@@ -86,7 +86,7 @@ class Plane(Experiment):
         # Slow time to the pinch point over its bound (`plane_tables`).
         pinch = np.max((ends.end / ends.bound)[ends.Lz0 > 0])
         saddle, _ = planes.fixed_point(_BODY, "saddle")
-        # L_z at the end of each path; paths have the numbers of the rows of `ends`.
+        # L_z at the end of each path. Paths have the numbers of the rows of `ends`.
         end_momenta = {int(number): rows.Lz[-1] for number, rows in groups(data[""], "path")}
         off_saddle = worst(
             [momentum - saddle for number, momentum in end_momenta.items() if on_edge[number]]
@@ -160,8 +160,9 @@ class SpheroidPlanes(PlanesOfBodies):
         ]
 
 
-# Energies of the starts of the projections, over I_e: the lower bound L²/2I_e = 2/9, and about a
-# quarter and three quarters of the way to the upper one, L²/2I_a = 5/9. The shares are estimates.
+# Energies of the starts of the projections, over I_e. The first is the lower bound, L²/2I_e = 2/9. The
+# others are about a quarter and three quarters of the way to the upper one, L²/2I_a = 5/9. The
+# shares are estimates.
 _ENERGIES = (2 / 9, 0.305, 0.472)
 _PROJECTED_MOMENTUM = 2 / 3  # |L| of these starts, over I_e.
 # Azimuths of L in degrees, from L_y to L_x: the figure shows the first three. Paths of _BETWEEN are
@@ -177,9 +178,9 @@ class Projections(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Slow trajectories from |L| = 2I_e/3, three energies, several directions of L.
 
-        Tables: "" has the paths, `cosine` is L_z/|L| at the start; "ends" their distance from the
-        node; "between" how far a path in the plane of L_z and `across` (E, or Lxy = √(L_x² + L_y²))
-        lies outside the two limiting ones. All are over I_max = I_e.
+        The table "" has the paths, with `cosine` for L_z/|L| at the start. "ends" has their distance
+        from the node. "between" has how far a path lies outside the two limiting ones, in the plane of
+        L_z and `across`: E, or Lxy = √(L_x² + L_y²). All are over I_max = I_e.
         """
         # A slow time of 1 is some 36 relaxation times I_e/(8πY). The cosines and the 1201 rows are
         # estimates.
@@ -302,8 +303,8 @@ class LPlanes(Experiment):
         """Slow trajectories with L_x = 0 or L_y = 0 and several ratios of L_xy to L_z, of either sign.
 
         `zero` is the place of the component that is zero: 0 for L_x, 1 for L_y. `energy_at` says
-        what a `share` is. Tables: "" has the paths, `ratio` is L_xy/L_z at the start; "ends" the
-        distance of their ends from the node, and the `smallest` |L| on the way, over I_max.
+        what a `share` is. The table "" has the paths, with `ratio` for L_xy/L_z at the start. "ends"
+        has the distance of their ends from the node, and the `smallest` |L| on the way, over I_max.
         """
         # A slow time of 1 is some 36 relaxation times I_e/(8πY). The shares and the 1201 rows are
         # estimates.
