@@ -17,7 +17,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 # Results of one function that are cached. An estimate that bounds memory: a compiled field takes
-# 0.8 MB. With fewer, a user who goes through more fields than this by turns waits for each again.
+# 0.8 MB. A user who goes through more fields than this by turns waits for each again.
 _MAX_CACHED = 64
 # The same for one thread: an integrator of heyoka takes 0.2 to 0.7 MB.
 _MAX_CACHED_IN_THREAD = 16

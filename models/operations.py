@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+# ``rhs(y, p)``: the rates of a state y at parameters p, both of d numbers of any kind, by index.
 Field = Callable[[Any, Any], tuple[Any, ...]]
 
 
@@ -71,6 +72,7 @@ class WithRate:
     """The factory of a field with one more rate behind its own."""
 
     field: Callable[[Operations], Field]
+    # ``rate(ops)(y, p)``: a number, the last rate.
     rate: Callable[[Operations], Callable[[Any, Any], Any]]
 
     def __call__(self, ops: Operations) -> Field:

@@ -32,6 +32,9 @@ INTO_A_CLOSURE = "what is no number goes into a closure: lambda t, y: f(t, y, ta
 # recording that deviates more is not used. An estimate, far above rounding and far below a rate that
 # means something else.
 _SAME_RATES = 1e-9
+# Characters that a message shows of an argument, and of the rates at the start: it is to stay short.
+_MAX_ARGUMENT_SHOWN = 60
+_MAX_RATES_SHOWN = 100
 
 
 @dataclass(frozen=True)
@@ -100,6 +103,7 @@ class OwnField:
         backwards = self.backwards
 
         def rhs(y, p):
+            # A recording that does not use the time never reads the NaN.
             time = self._time(ops, y[len(y) - 1]) if self.timed else math.nan
             rates = recording.evaluate(ops, y, p, time)
             if backwards:
@@ -116,7 +120,9 @@ class OwnField:
         return (*rates, *[1.0] * self.timed)
 
     def _time(self, ops: Operations, elapsed: Any) -> Any:
-        # A function of time need not have rates beyond the end.
+        """The user's time over any kind of number, as `time_at` has it over floats."""
+        # A function of time need not have rates beyond the end. The term of 0 gives the end the kind of
+        # number that `elapsed` has.
         if self.backwards:
             time = self.t_start - elapsed
             return ops.where_positive(time - self.t_end, time, self.t_end + 0.0 * elapsed)
@@ -249,7 +255,7 @@ def _rates_at_start(
         more = ": real and imaginary parts are components of their own"
         more = more if any(isinstance(rate, complex) for rate in rates) else ""
         raise ValueError(
-            f"f: got the rates {rates!s:.100} at the start, expected finite numbers{more}"
+            f"f: got the rates {rates!s:.{_MAX_RATES_SHOWN}} at the start, expected finite numbers{more}"
         )
     return rates
 
@@ -342,8 +348,8 @@ def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
 
 
 def in_one_line(value: Any) -> str:
-    """A value for messages, cut to 60 characters, which leave room on a line."""
-    return " ".join(repr(value).split())[:60]
+    """A value for messages, without line breaks and not longer than `_MAX_ARGUMENT_SHOWN`."""
+    return " ".join(repr(value).split())[:_MAX_ARGUMENT_SHOWN]
 
 
 def _way_out(name: str, values: Any) -> str:

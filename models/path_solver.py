@@ -17,7 +17,11 @@ class PathSolver(Protocol):
     def __call__(
         self, problem: "Problem", tolerance: float, points: int
     ) -> "tuple[np.ndarray, np.ndarray]":
-        """About `points` times of the solution, shape (n,), and the states there, shape (n, d)."""
+        """About `points` times of the solution, shape (n,), and the states there, shape (n, d).
+
+        `tolerance` is the relative one and the absolute one. The times end early where the solution
+        does, or where it takes too many steps.
+        """
         ...
 
 
@@ -31,7 +35,10 @@ def use(solver: PathSolver | None) -> None:
 
 
 def solved(problem: "Problem", tolerance: float, points: int) -> "tuple[np.ndarray, np.ndarray]":
-    """The solution of a problem by the solver in use."""
+    """The solution of a problem by the solver in use, as `PathSolver` gives it.
+
+    Raises RuntimeError if none was handed over.
+    """
     if _solver is None:
         raise RuntimeError(
             "no path solver: got None, expected one by polhode.models.path_solver.use"

@@ -57,6 +57,11 @@ _ADVICE = (
 )
 
 
+# Characters that a message shows of the expression that cannot be recorded, and of the user's line.
+_MAX_EXPRESSION_SHOWN = 60
+_MAX_LINE_SHOWN = 100
+
+
 class UntraceableError(Exception):
     """A function does what cannot be recorded.
 
@@ -737,8 +742,9 @@ def _in_words(error: Exception, words: str) -> str:
     frame = line_of(error)
     if frame is None:
         return f"f {words} ({type(error).__name__}: {error}); use {_ADVICE}"
-    place = f"{frame.filename}:{frame.lineno}: {frame.line:.100}"
-    return f"{_segment(frame):.60} {words}; use {_ADVICE} ({place})"
+    place = f"{frame.filename}:{frame.lineno}: {frame.line:.{_MAX_LINE_SHOWN}}"
+    expression = f"{_segment(frame):.{_MAX_EXPRESSION_SHOWN}}"
+    return f"{expression} {words}; use {_ADVICE} ({place})"
 
 
 def _segment(frame: FrameSummary) -> str:

@@ -26,7 +26,8 @@ from polhode.models.shape import Ellipsoid, require_numbers
 _LARGEST = 1e30
 # Least St above 0, and least duration, in inverse shear rates.
 _LEAST = 1e-60
-# Largest energy of a start: energies go like the squares of angular velocities.
+# Largest energy of a start, as energies go like the squares of angular velocities; and the largest error
+# that may be requested.
 MAX_NUMBER = 1e60
 # Distance from 1 within which a norm is 1, some four roundings: a quaternion that was divided by its
 # norm once lies within it.

@@ -40,5 +40,5 @@ class _Block(ContextDecorator):
 
 
 def spent_on(work: str) -> _Block:
-    """Count a block, or a function that this decorates."""
+    """Count a block, or a function that this decorates, for a kind of work, such as "import"."""
     return _Block(work)

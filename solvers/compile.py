@@ -31,7 +31,8 @@ from polhode.solvers.machine_code.llvm import MachineCode, compile_file
 from polhode.solvers.machine_code.tracing import FieldError, trace
 
 _FOLDER = Path(__file__).parent
-# Bytes of compiled code that heyoka may keep in memory, some fifty integrators.
+# Bytes of compiled code that heyoka may keep in memory, some fifty integrators. An estimate: what is
+# dropped is read from disk, or compiled, again.
 _MAX_HEYOKA_MEMORY = 20_000_000
 # A quotient in a traced field (`machine_code.tracing`), by a number that is no constant.
 _DIVISION = re.compile(r"= fdiv contract double \S+, (%v\d+)")

@@ -42,7 +42,7 @@ _MAX_STEPS_AHEAD = 1e8
 # (`solvers.singularity.jumped`). A larger share costs more runs that time.
 _SHRUNK = 0.1
 
-# Libraries that a choice of back end or Jacobian needs besides the solver's own.
+# Library that a choice of back end or Jacobian needs besides the solver's own: llvmlite, which compiles.
 _NEEDS = {"compiled": "llvmlite", "numba": "llvmlite", "exact": "llvmlite"}
 
 
@@ -331,8 +331,8 @@ class Solver(ABC):
        or evaluates a closed form.
     7. `error_constant` bounds error / (rotations × tolerance) over ordinary scenes that are not stiff,
        at tolerances from 1e-4 to 1e-10. The error is the largest of L and E, over I_max, and of the
-       rotation matrix's entries. The constant is about three times what was measured. A tolerance is
-       each library's own, so that constants differ widely.
+       rotation matrix's entries. The constant is about three times what `tests/solvers/test_tolerance.py`
+       measured. A tolerance is each library's own, so that constants differ widely.
     """
 
     # Attributes that a solver from a plug-in must have.

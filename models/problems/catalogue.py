@@ -28,6 +28,7 @@ def _problem(key: str, entry: dict[str, Any], sources: dict[str, str]) -> Classi
     return Classical(problem, reference, entry["stiff"], source, hopeless, ratio)
 
 
+# By name. A plug-in adds problems, and replaces none.
 PROBLEMS = read_toml(files("polhode.models.problems") / "problems.toml", _problems)
 for _name, _target in plug_ins("problems").items():
     PROBLEMS.setdefault(_name, imported(_target))

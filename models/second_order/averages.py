@@ -52,6 +52,9 @@ _ROTATIONS = _ROTATIONS / np.array([[[3]], [[7]]])
 _EVERY_FRAME = np.repeat(_ROTATIONS, 2, axis=0)
 # |L| of the poses, shape (poses,).
 _SIZES = np.tile([1.0, 2.0], len(_ROTATIONS))
+# Singular values below this share of the largest one count as 0 in `fitted`. A column that depends on the
+# others would have one of some 1e-16. In the poses of `_EVERY_FRAME` none is below 0.009.
+_DEPENDENT = 1e-10
 # Largest k₁ of modes (-k₁, k₂), k₂ = 1, 2, 3, whose strength is returned. An estimate: resonances of
 # higher ones are passed over.
 MODES = 24
@@ -225,8 +228,7 @@ def fitted(parts: Iterable[tuple[Sequence[Array], Array]]) -> tuple[list[Array],
     for columns, values in parts:
         matrix = np.stack([column.ravel() for column in columns], axis=1)
         right_side = values.reshape(columns[0].size, -1)
-        # A column that depends on the others would show as a singular value of rounding, far below 1e-10.
-        solution = np.linalg.lstsq(matrix, right_side, rcond=1e-10)[0]
+        solution = np.linalg.lstsq(matrix, right_side, rcond=_DEPENDENT)[0]
         factors += list(solution)
         misfit = max(misfit, float(np.abs(matrix @ solution - right_side).max()))
         largest = max(largest, float(np.abs(values).max()))

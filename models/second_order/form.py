@@ -27,7 +27,7 @@ _START_PASSES = 60
 # Passes diverge if a component becomes this many times the largest one of z. An estimate: components
 # that grow at all soon exceed any such number.
 _START_DIVERGED = 1e3
-# Residual of that equation, over |L|, at which passes end: rounding.
+# Residual of that equation, over the larger one of |L| and 1, the length of p, at which passes end: rounding.
 _START_CLOSE = 1e-15
 # Shares of the time to the first segment of the full equations at which a run is tried to be stopped,
 # the longest first. Estimates: smaller ones stop a run earlier than it need be, and are taken more often.
@@ -97,6 +97,7 @@ class SecondOrder(Form):
         self.check(scene)
         if scene.ellipsoid.kind == "triaxial":
             run = self._entry(scene)
+            # The invariant is the length of e₁, whose components are 4 to 6 of the state.
             return self.slow_problem(
                 scene, triaxial.field, run.state, run.parameters, partial(axis_drift, first=4)
             )

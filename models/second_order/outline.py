@@ -39,7 +39,8 @@ _SHARE_OF_KICKS = 0.3
 # Share of the requested error that one kick left out may cost; by trial.
 _SHARE_OF_ONE_KICK = 0.15
 # In 97.5 % of runs kicks of random phases stay below this multiple of the root of the sum of their
-# squares: 2.5/√2, as a walk's largest distance exceeds a bound at most twice as often as its last.
+# squares: 2.5/√2. The mean square of a kick is half the square of its size. A normal number exceeds 2.5
+# standard deviations in 1.25 % of cases, and a walk's largest distance at most twice as often as its last.
 _RANDOM_PHASES = 1.77
 # Least turns of the body in an averaged segment: a shorter one costs more than it saves. An estimate.
 _LEAST_TURNS = 300
@@ -353,7 +354,7 @@ def _segments(
     errors: AveragingErrors,
     amplification: Array,
 ) -> Iterator[PlannedSegment]:
-    """Segments of the run; those by second order last a while, unless it is the whole run."""
+    """Segments of the run, in their order."""
     times = path.times
     turns = path.summed(path.speed) / (2 * pi * path.torque_factor)
     # Full segments reach from one point at which averaging holds to another.
@@ -389,6 +390,7 @@ def _segments(
                     turned=float(gained[end] - gained[begin]),
                 )
         else:
+            # Lasting errors of earlier times count in earlier segments. The run's first time has none.
             error = drifting[part].max() - (drifting[first] if first else 0.0) + passing[part].max()
             swing = lag[last] - lag[first] + at_once[part].max()
             turned = gained[last] - gained[first]

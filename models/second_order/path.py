@@ -37,10 +37,13 @@ _PATH_TOLERANCE = 1e-8
 _KICKED = 240
 # Least points of a spheroid's path, which has none. An estimate: between them only rates are summed.
 _SMOOTH = 100
+# Paths that are cached. An estimate: a scene is asked for again at once, with other budgets.
+_CACHED_PATHS = 16
 # |L| over I_max below which a body does not rotate.
 TINY = 1e-12
-# Least distance of times over the whole run: rates are taken between them.
-_CLOSE = 1e-12
+# Least distance of two times of a path, over the whole run: between times that differ by rounding alone,
+# rates are noise. An estimate, some 5000 roundings.
+_LEAST_STEP = 1e-12
 # |L| over I_max that is divided by where |L| is 0.
 _NO_SIZE = 1e-300
 # Depth a² at which tables end, less what a first-order path may be off by. An estimate: with less, a run
@@ -54,7 +57,7 @@ _DAMPED = 0.05
 # Error beside a resonance over the product of the mode's swing and the share by which it changes the mode's
 # frequency: 4 to 7 in random bodies. The slow start misses as much as the swing does later, and directions of L
 # swing more than |L|.
-_BESIDE = 5.0
+_ERROR_BESIDE_RESONANCE = 5.0
 # Least speed at which the shear turns a body, in rad per unit of time: half its rate.
 LEAST_SPEED = 0.5
 # Jump of a phase at L² = 2EI₂: E changes by ln(2 sin α)/(4K) of what a polhode takes, the mean
@@ -102,7 +105,7 @@ class Path:
     def at(self, times: Array) -> "Path":
         """The same at further times."""
         every = np.union1d(self.times, times[(times > 0) & (times < self.times[-1])])
-        every = every[np.append(np.diff(every) > _CLOSE * every[-1], True)]
+        every = every[np.append(np.diff(every) > _LEAST_STEP * every[-1], True)]
         slow = _interpolated(every, self.times, self.slow)
         return replace(self, times=every, slow=slow)
 
@@ -114,7 +117,7 @@ class Path:
 
     @cached_property
     def spin(self) -> Array:
-        """max(1, |ω|), at most."""
+        """Upper bound of |ω|, in shear rates, and 1 at least."""
         # |ω|² is at most (1/I₁ + 1/I₃) 2E - L²/(I₁I₃): rotation about the middle axis only lessens
         # it.
         low, _, high = sorted(self.ellipsoid.inertia)
@@ -280,7 +283,7 @@ class Path:
         return tuple(sorted(kicks, key=lambda kick: kick.time))
 
     def _kicks(self, side: bool, points: Array, table: tables.Table) -> list[Kick]:
-        """Kicks at one side's points, of which `points` are the indices."""
+        """Kicks at one side's points, of which `points` are the indices; `side` is whether it is the longest axis'."""
         times = self.times
         a2 = self.a2
         # A path meets a resonance between neighbours, one above and one below its a².
@@ -343,7 +346,8 @@ class Path:
             frequency = size * np.abs(slope) / self.torque_factor
             amplitude = strength / frequency
             share = np.abs(turned) / self.torque_factor / frequency**2
-            errors[points] += _BESIDE * np.sum(amplitude * share / distances**3, axis=1)
+            change = np.sum(amplitude * share / distances**3, axis=1)
+            errors[points] += _ERROR_BESIDE_RESONANCE * change
         return errors
 
     def _modes(
@@ -374,7 +378,10 @@ class Path:
         return size, strength, along, turned
 
     def crossings(self) -> list[Kick]:
-        """Jumps at L² = 2EI₂, as kicks by the phase α."""
+        """Jumps at L² = 2EI₂, as kicks by the phase α.
+
+        Their size of infinity says that none is left out, their width of 0 that they are no resonances.
+        """
         inside = np.isfinite(self.a2)
         unit = max(self.ellipsoid.inertia)
         jumps = []
@@ -451,8 +458,7 @@ class Path:
         return ~(np.exp(-self.a2) > exp(-tables.MAX_A2) + moved)
 
 
-# 16 paths: an estimate. A scene is asked for again at once, with other budgets.
-@once(size=16)
+@once(size=_CACHED_PATHS)
 def path_of(scene: Scene) -> Path:
     """The path of a scene, cached for outlines with other budgets."""
     try:

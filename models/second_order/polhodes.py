@@ -27,6 +27,8 @@ Array = np.ndarray
 _STEP = 0.02
 # Steps of these differences and the weights of their pairs.
 _DIFFERENCES = ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))
+# Sides of bodies that are cached. An estimate: one takes little memory, and is soon made anew.
+_CACHED_SIDES = 256
 
 
 @dataclass(frozen=True)
@@ -50,9 +52,8 @@ class SidedBody:
         longest = bool(squares.sum() < (squares / ellipsoid.inertia).sum() * middle)
         return cls._of(ellipsoid, longest, bool(momentum[ellipsoid.order[0 if longest else 2]] < 0))
 
-    # 256 sides: an estimate. One takes little memory, and is soon made anew.
     @classmethod
-    @lru_cache(maxsize=256)
+    @lru_cache(maxsize=_CACHED_SIDES)
     def _of(cls, ellipsoid: Ellipsoid, longest: bool, below: bool) -> "SidedBody":
         inertia = np.array(ellipsoid.inertia)
         order = list(ellipsoid.order)

@@ -103,6 +103,7 @@ def entered(ellipsoid: Ellipsoid, torque_factor: float, rotation: Array, momentu
     too near.
     """
     side = SidedBody.of(ellipsoid, rotation @ momentum)
+    # Whether axis 3 of the side, which the polhode circles, is the longest one.
     longest = abs(side.axes[2, ellipsoid.order[0]]) == 1
     series = series_for(ellipsoid, longest)
     slow, e1, place = _slow_start(series, torque_factor, momentum, rotation.T @ side.axes.T)
@@ -127,7 +128,10 @@ def started(scene: Scene) -> Entry:
 def _slow_start(
     series: Series, torque_factor: float, exact: Array, pose: Array
 ) -> tuple[Array, Array, Place]:
-    """Slow L, the e₁ of its frame and its place on the torus; their image is the exact L and pose."""
+    """Slow L, the e₁ of its frame and its place on the torus; their image is the exact L and pose.
+
+    L has shape (3,). The columns of `pose`, shape (3, 3), are the permuted body axes in space.
+    """
     momentum = exact
     rotation = pose
     moved = np.zeros((2, 3))
@@ -174,6 +178,8 @@ def _place(series: Series, z: Array) -> Place | None:
     x = share / (1 + share)
     # Here a2 is the squared amplitude A² of z₁, not a² = -ln(1 - x), which is ln(1 + share).
     a2, _, complement = series.side.moduli(x, 1 / (1 + share))
+    # The amplitude is the angle whose sine is sn and whose cosine is cn, as `SidedBody.normal` has them:
+    # z₂ has the sign of sn or, around the axis of least inertia, the other one.
     amplitude = atan2(copysign(z2, (i2 - i3) * z2) / sqrt(x), z1 / sqrt(a2))
     alpha = pi / 2 * ellipkinc(amplitude, 1 - complement) / ellipkm1(complement)
     return Place(series, np.array([log1p(share)]), np.array([alpha]), z[None])

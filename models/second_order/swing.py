@@ -44,24 +44,25 @@ _TERMS = 25
 _ANGLES = pi * (_NODES - 0.5 - np.arange(_NODES)) / _NODES
 # Values of a at the nodes, shape (NODES,).
 DEPTHS = 0.5 * sqrt(MAX_A2) * (1 + np.cos(_ANGLES))
-# Terms are left out below this share of the largest one, times St: over St they are rounding.
+# Terms of the rates are left out below this share of the largest one, times St: the transformation is
+# over St, so that they are rounding of the pose.
 _FAINT = 1e-14
-# Least and largest share below which terms are left out. The largest is the error of an output, over the
+# Least and largest of these shares, whatever St is. The largest is the error of an output, over the
 # transformation, that docs/second-order.md allows.
 LEAST_FAINT = 1e-11
 MOST_FAINT = 1e-6
-# Share of the largest below which terms of χ and of the change of n per y are left out: they stay
-# near rounding, as angles are told to it.
+# Share of the largest below which terms of χ and of the change of n per y are left out. χ is a part of
+# the pose itself, not over St, so that this share is near rounding.
 _ROUNDING = 1e-12
 # Change of a divisor over its square up to which four terms of its asymptotic series do: the first one
 # left out is 945 u⁴ at most, 1e-5 of the sum.
-_CLOSE = 0.01
+_MAX_ASYMPTOTIC = 0.01
 # Added where a divisor may be 0, to keep 1/0 away.
 _TINY = 1e-100
 # Divisor of the mean k = 0, so large that the mean has no part in the transformation.
 _DIVISOR_OF_MEAN = 1e100
-# An allocator that freed 2 MB once keeps smaller blocks (glibc); pages anew cost as much as the
-# arithmetic on them.
+# An allocator (glibc) that has once freed 2 MB, which are these floats, keeps smaller blocks for later
+# arrays. New pages for them would cost as much as the arithmetic on them.
 np.empty(1 << 18)
 
 # e₊ and e₃ in the frame of L.
@@ -367,7 +368,7 @@ def tails(x: Array, q: Array) -> tuple[Array, Array]:
 
     # The series are sums of (2j - 1)!! (-iu)^j, that is 1, 1, 3, 15, …, times 1/x, and of (2j + 1)!!
     # (-iu)^j times 1/x², with u = q/x². The first four terms make real parts and imaginary ones. They
-    # are close enough up to |u| = `_CLOSE`; beyond it they are replaced, so that any u does where
+    # are close enough up to |u| = `_MAX_ASYMPTOTIC`; beyond it they are replaced, so that any u does where
     # |q| > x².
     square = 1 / np.maximum(x * x, np.abs(q) + _TINY)
     u = q * square
@@ -379,7 +380,7 @@ def tails(x: Array, q: Array) -> tuple[Array, Array]:
     once.imag = over * u * (15 * u2 - 1)
     twice.real = square * (1 - 15 * u2)
     twice.imag = square * u * (105 * u2 - 3)
-    close = u2 > _CLOSE**2
+    close = u2 > _MAX_ASYMPTOTIC**2
     if close.any():
         x = x[close]
         q = q[close]

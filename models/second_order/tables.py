@@ -69,11 +69,13 @@ _NEAR = 0.02
 # The fit has this many terms fewer than nodes, as some nodes weigh little. An estimate: with as many
 # terms as nodes it would follow the rounding of those.
 _SPARE = 6
+# Singular values of the fit below this share of the largest one count as 0: they are rounding.
+_LEAST_SINGULAR = 1e-15
 # Nearer to a permanent axis polhodes are taken for this a²; it moves the body by 1e-12 rad.
 FLOOR = 1e-24
 # Distance in a² from a pole at which the averages tell its residues. An estimate: farther away what is
 # smooth has a part in them, nearer the rounding of the divisor.
-_BESIDE = 5e-4
+_POLE_DISTANCE = 5e-4
 # Least distance in time from a kick.
 _TINY = 1e-300
 # The a² of rows without a pole: far beyond the table.
@@ -115,7 +117,10 @@ class Kick:
     drift: float  # change of a² in its width
 
     def half_width(self, budget: float) -> float:
-        """Half length of the full segment at whose ends about the budget is missed."""
+        """Half length of the full segment at whose ends about the budget is missed.
+
+        The budget is an error of L and E, over I_max.
+        """
         # Each term of `missed` gives the number of widths at which it falls to the budget, the
         # second one to half of it.
         least, largest = _WIDTHS
@@ -171,7 +176,8 @@ def made(side: SidedBody) -> Table:
         square = ((k1 * functions["nu1"] + k2 * functions["nu2"]) / (_NEAR * functions["nu2"])) ** 2
         weight *= square / (1 + square)
     series[_SECOND] = _fitted(values, weight)
-    # The poles of the largest residues, then rows without a pole.
+    # The poles of the largest residues, then rows without a pole: their a² lies far off, their residues
+    # are 0, and `parameters` divides by their slope of 1.
     chosen = np.zeros((POLES, POLE))
     chosen[:, :2] = _FAR, 1
     largest = poles[np.argsort(-np.abs(poles[:, 2:]).max(axis=1, initial=0))][:POLES]
@@ -220,31 +226,36 @@ def _modes() -> list[tuple[int, int]]:
 def _poles(side: SidedBody, resonances: Array) -> Array:
     """Poles of the averages of second order at resonances, rows as in `Table`."""
     # Modes that are multiples of each other meet their resonance at one a², and make one pole there.
+    # A pole next to a² = 0 has no place below it where averages could be taken, and is left out.
     isolated: list[list[float]] = []
-    for a2, slope in resonances[resonances[:, 2] > 2 * _BESIDE, 2:4].tolist():
-        if all(abs(a2 - pole) >= _BESIDE for pole, _ in isolated):
+    for a2, slope in resonances[resonances[:, 2] > 2 * _POLE_DISTANCE, 2:4].tolist():
+        if all(abs(a2 - pole) >= _POLE_DISTANCE for pole, _ in isolated):
             isolated.append([a2, slope])
     places = np.array(isolated).reshape(-1, 2)
-    beside = np.concatenate([places[:, 0] - _BESIDE, places[:, 0] + _BESIDE])
+    beside = np.concatenate([places[:, 0] - _POLE_DISTANCE, places[:, 0] + _POLE_DISTANCE])
     functions = averages(side, level(beside))[0] if isolated else {}
     values = list[Array]()
     for name in SECOND_ORDER if isolated else ():
         scale = per_square(beside) if name[0] == "b" else 1.0
         values.append(functions[name] * scale)
-    # At ±δ, δ = `_BESIDE`, from its pole a function is r₂/δ² ± r₁/δ: half the sum and half the difference tell both.
+    # At ±δ from its pole, δ being `_POLE_DISTANCE`, a function is r₂/δ² ± r₁/δ: half the sum and half
+    # the difference tell both.
     below, above = np.array(values).reshape(len(SECOND_ORDER), 2, -1).swapaxes(0, 1)
     return np.column_stack(
-        [places, 0.5 * _BESIDE**2 * (above + below).T, 0.5 * _BESIDE * (above - below).T]
+        [
+            places,
+            0.5 * _POLE_DISTANCE**2 * (above + below).T,
+            0.5 * _POLE_DISTANCE * (above - below).T,
+        ]
     )
 
 
 def _fitted(values: Array, weight: Array) -> Array:
     """Chebyshev series, shape (k, NODES), of values at the Chebyshev points, by their weights."""
-    # Below rounding, `rcond`, a singular value counts as 0.
     terms = NODES - _SPARE
     basis = weight[:, None] * np.cos(np.outer(_ANGLES, np.arange(terms)))
     series = np.zeros((len(values), NODES))
-    series[:, :terms] = np.linalg.lstsq(basis, (weight * values).T, rcond=1e-15)[0].T
+    series[:, :terms] = np.linalg.lstsq(basis, (weight * values).T, rcond=_LEAST_SINGULAR)[0].T
     return series
 
 

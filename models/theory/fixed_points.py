@@ -45,7 +45,8 @@ def fixed_points(ellipsoid: Ellipsoid) -> tuple[FixedPoint, ...]:
     if ellipsoid.kind == "sphere":
         momentum = (0.0, 0.0, -ellipsoid.inertia[0] / 2)
         return (FixedPoint("any axis of a sphere", momentum, eigenvalues(ellipsoid, 0)[:3]),)
-    # Rotation, body axis along the vorticity, and the last slow variable: E, or η.
+    # Rotation, body axis along the vorticity, and the last slow variable. At ω = -½ ẑ that is E = I/8, or
+    # η, the angular velocity along a spheroid's axis: ±½ with the axis along -ẑ or ẑ.
     rotations: list[tuple[Rotation, int, float]]
     if ellipsoid.symmetry_axis is None:
         rotations = [

@@ -16,6 +16,9 @@ from polhode.models.shape import Ellipsoid
 
 Side = Literal["long", "short"]
 
+# Relative error at which an integral is asked for: some ten times the least that `quad` takes.
+_INTEGRAL_ERROR = 1e-13
+
 
 @dataclass(frozen=True)
 class Separatrix:
@@ -101,8 +104,7 @@ class Separatrix:
         # ln(16/y) is the derivative of y ln(16/y) + y, exp(rate (y ln(16/y) + y)) is the integrating
         # factor.
         #
-        # The integrand is positive, so that the error is asked for relative to the integral: to 1e-13,
-        # some ten times the least that `quad` takes.
+        # The integrand is positive, so that the error is asked for relative to the integral.
         rate = self.decay / self.growth
         exponent_end = _passed(complement)
         integral = quad(
@@ -110,7 +112,7 @@ class Separatrix:
             complement_start,
             complement,
             epsabs=0,
-            epsrel=1e-13,
+            epsrel=_INTEGRAL_ERROR,
         )
         start = exp(rate * (_passed(complement_start) - exponent_end))
         return start * shift_start - self.push / self.growth * integral[0]
