@@ -32,10 +32,10 @@ Array = np.ndarray
 # Tolerance of the solver that follows a path: an error of the path shifts the times of kicks. An
 # estimate: the path's own error, of order 1/St, is larger up to St = 1e8.
 _PATH_TOLERANCE = 1e-8
-# Least points of a triaxial ellipsoid's path, which has kicks. An estimate: between two points rates are
+# About how many points a triaxial ellipsoid's path has, on which kicks are. An estimate: between two points rates are
 # taken as straight, and a path that turns back across a resonance between them shows no kick.
 _KICKED = 240
-# Least points of a spheroid's path, which has none. An estimate: between them only rates are summed.
+# The same of a spheroid's path, on which none are. An estimate: between them only rates are summed.
 _SMOOTH = 100
 # Paths that are cached. An estimate: a scene is asked for again at once, with other budgets.
 _CACHED_PATHS = 16
