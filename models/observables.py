@@ -39,7 +39,7 @@ class Observables:
 def observe_body(
     ellipsoid: Ellipsoid, rotation: np.ndarray, angular_velocity: np.ndarray
 ) -> Observables:
-    """Observables of matrices t_ij, shape (n, 3, 3), and body angular velocities, shape (n, 3)."""
+    """Observables of matrices t_ij, shape (n, 3, 3), and body angular velocities, shape (n, 3), in shear rates."""
     body_momentum = angular_velocity * np.array(ellipsoid.inertia)
     energy = 0.5 * np.sum(body_momentum * angular_velocity, axis=1)
     return Observables(np.einsum("nij,ni->nj", rotation, body_momentum), energy, rotation)
@@ -70,7 +70,7 @@ def completed(ellipsoid: Ellipsoid, rotation: np.ndarray) -> np.ndarray | None:
 
 
 def angular_velocity(ellipsoid: Ellipsoid, observables: Observables) -> np.ndarray:
-    """ω in space axes, shape (n, 3), of L and the rotation matrix; NaN where they leave it open."""
+    """ω in space axes, shape (n, 3), in shear rates, of L and the rotation matrix; NaN where they leave it open."""
     # A spheroid needs its symmetry axis' row alone, a sphere L alone.
     momentum = observables.angular_momentum
     rotation = observables.rotation

@@ -284,6 +284,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
         allowed, path, gains, growth, swing_per_radian
     )
     cause[averaged & ((gains > level) | (local_errors > allowed))] = _INACCURATE
+    # The lag of the angles puts the swing back wrongly too: by twice its size at most, however large it is.
     lag = path.lag(np.where(cause == 0, swing, 0))
     local_errors = local_errors + _HARMONIC * np.minimum(lag, 1) * swing * path.scale
     cause[(cause == 0) & (local_errors > allowed)] = _INACCURATE

@@ -32,10 +32,10 @@ Array = np.ndarray
 # Tolerance of the solver that follows a path: an error of the path shifts the times of kicks. An
 # estimate: the path's own error, of order 1/St, is larger up to St = 1e8.
 _PATH_TOLERANCE = 1e-8
-# About how many points a triaxial ellipsoid's path has, on which kicks are. An estimate: between two points rates are
-# taken as straight, and a path that turns back across a resonance between them shows no kick.
+# About how many points the path of a triaxial ellipsoid has, which meets kicks. An estimate: between two
+# points rates are taken as straight, and a path that turns back across a resonance shows no kick there.
 _KICKED = 240
-# The same of a spheroid's path, on which none are. An estimate: between them only rates are summed.
+# The same of a spheroid, which meets none. An estimate: between them only rates are summed.
 _SMOOTH = 100
 # Paths that are cached. An estimate: a scene is asked for again at once, with other budgets.
 _CACHED_PATHS = 16
@@ -140,7 +140,7 @@ class Path:
 
     @cached_property
     def a2(self) -> Array:
-        """a² = -ln(1 - x); inf on L² = 2EI₂ and beyond the tables."""
+        """a² = -ln(1 - x), shape (m,); inf on L² = 2EI₂ and beyond the tables, 0 for a spheroid."""
         if self.ellipsoid.kind != "triaxial":
             return np.zeros(len(self.times))
         axis, width = _range(self.ellipsoid, self.longest)
@@ -286,7 +286,8 @@ class Path:
         """Kicks at one side's points, of which `points` are the indices; `side` is whether it is the longest axis'."""
         times = self.times
         a2 = self.a2
-        # A path meets a resonance between neighbours, one above and one below its a².
+        # Columns 0 to 3 of the resonances are k₁, k₂, a² and dD/da² over l. A path meets a resonance
+        # between neighbours, one above and one below its a².
         above = a2[points, None] > table.resonances[:, 2]
         at, which = np.nonzero((np.diff(points) == 1)[:, None] & (above[1:] != above[:-1]))
         if not len(at):
@@ -386,6 +387,7 @@ class Path:
         unit = max(self.ellipsoid.inertia)
         jumps = []
         for at in np.flatnonzero(inside[:-1] & ~inside[1:]):
+            # The last row but one is that of ν₁.
             series = tables.table(self.ellipsoid, bool(self.longest[at])).series[-2:-1]
             nu1 = tables.evaluated(series, 2 * self.a2[at : at + 1] / tables.MAX_A2 - 1)[0, 0]
             rate = abs(np.gradient(self.slow[:, 3], self.times)[at]) / unit

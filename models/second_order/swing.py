@@ -398,8 +398,8 @@ class Place:
     """Places of m bodies on the torus."""
 
     series: Series
-    a2: Array
-    alpha: Array
+    a2: Array  # a², shape (m,)
+    alpha: Array  # α in rad, shape (m,)
     z: Array  # n in body axes, shape (m, 3)
 
     @cached_property
