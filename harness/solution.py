@@ -83,7 +83,8 @@ class SceneSolution(LikeSolveIvp):
     def __call__(self, t: "ArrayLike") -> "SceneSolution":
         """The motion at other times of the run, shape (k,) or a number; ValueError if one lies outside the run."""
         times = times_within(self, t)
-        # `interp` gives the run's own time at a row exactly, so that the motion there is the row's.
+        # The run counts in its own unit of time. `interp` gives a row's time exactly, so that the motion there
+        # is the row's.
         return self.at(times, self.run(np.interp(times, self.times, self.run.times)))
 
     def at(self, times: np.ndarray, run: Solution) -> "SceneSolution":
@@ -152,6 +153,7 @@ class SceneSolution(LikeSolveIvp):
             else [*lines[: most - 1], f"{len(lines) - most + 1} segments more"]
         )
 
+    # Names of version 0.1, which warn.
     pieces = Former("segments")
     pieces_in_words = Former("segments_in_words")
     form = property(attrgetter("equations.name"), doc="Name of the form.")

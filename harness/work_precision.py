@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 # above rounding (`polhode.models.problem.ROUNDING`).
 _CLASSICAL_TOLERANCES = tuple(10.0**-k for k in range(3, 13))
 # Relative tolerances of a first look: three of them, far apart.
-QUICK = (1e-4, 1e-7, 1e-10)
+QUICK_TOLERANCES = (1e-4, 1e-7, 1e-10)
 # Time limit of one run of a classical problem, in seconds, and with `quick`; estimates. A larger limit
 # adds slow runs at tight tolerances to the table, and time to the study.
 _CLASSICAL_SECONDS = 3.0
@@ -311,7 +311,7 @@ class WorkPrecision:
             check_jacobian(self.one)
         with Progress(self.quiet) as progress:
             loosest = max(self.tolerances)
-            # Before the reference, which may use a solver that is timed here.
+            # Before the reference, which may use a solver that is timed here, and would compile for it.
             compile_seconds = [
                 _prepared(one, self.one, loosest, self._atol_of(one, loosest)) for one in setups
             ]
@@ -564,7 +564,7 @@ def _prepared(setup: Setup, problem: Problem, tolerance: float, atol: Any) -> fl
         return None
     before = SPENT.seconds["compilation"]
     with suppress(Exception):
-        # A run that ends at its first step.
+        # A run that ends at its first step. These limits stand above options of the same name.
         limits = {"max_steps": 1, "max_seconds": _NO_SECONDS, "doubt": False}
         solve(problem, setup.solver, tolerance, **{**setup.options, "atol": atol, **limits})
     return SPENT.seconds["compilation"] - before
@@ -645,7 +645,7 @@ def run_problems(
     else, such as a system without memory, kills the worker process again and again.
     """
     settings = {
-        "tolerances": QUICK if quick else _CLASSICAL_TOLERANCES,
+        "tolerances": QUICK_TOLERANCES if quick else _CLASSICAL_TOLERANCES,
         "max_seconds": _QUICK_CLASSICAL_SECONDS if quick else _CLASSICAL_SECONDS,
     }
     pairs = pairs_of(names, solvers)

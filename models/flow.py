@@ -92,7 +92,8 @@ class Flow:
         """The flow along a particle's path: gradients, shape (n, 3, 3), at n increasing times.
 
         Between the times, the knots, it is the cubic spline through them: its error falls as the
-        fourth power of their distance, and its second derivative is continuous.
+        fourth power of their distance, and its second derivative is continuous. Raises ValueError if
+        the numbers of times and gradients differ, or some of them are no track's.
         """
         knots = _checked_knots(times)
         gradients = _listed(gradients)
@@ -148,6 +149,7 @@ class Flow:
         spline = CubicSpline(np.array(self.knots), flow_numbers(np.array(self.gradients)))
         return np.ascontiguousarray(np.moveaxis(spline.c[::-1], 1, 0))
 
+    # The name of version 0.1, which warns.
     segment = Former("interval")
 
     def interval(self, time: float) -> int:
@@ -161,7 +163,7 @@ class Flow:
         knots = np.array(self.knots)
         intervals = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
         since = np.asarray(times - knots[intervals])[:, None]
-        # Shape (n, 4, 8).
+        # Coefficients at each time, shape (n, 4, 8).
         c = self.cubics[intervals]
         values = c[:, 0] + since * (c[:, 1] + since * (c[:, 2] + since * c[:, 3]))
         return list(values.T)
@@ -332,7 +334,7 @@ def jeffery_in_any_flow(ops: Operations) -> Callable:
         strain23 = x[1] * v1 + y[1] * v2 + z[1] * v3
         strain31 = x[0] * v1 + y[0] * v2 + z[0] * v3
         strain12 = x[0] * u1 + y[0] * u2 + z[0] * u3
-        # Last, since a processor has it late: it is a quotient.
+        # `scale` comes last in each product: it is a quotient, which takes a processor long.
         square = scale * scale
         return (
             scale * (h1 * x[0] + h2 * y[0] + h3 * z[0]) - g[0] * square * strain23,

@@ -52,17 +52,19 @@ class Form(ABC):
        one.
     """
 
+    # Attributes that every form sets; the catalogue refuses one without them.
     required: ClassVar[tuple[str, ...]] = ("name", "state", "orientation")
     name: ClassVar[str]
     summary: ClassVar[str] = ""
     valid_for: ClassVar[str] = ""
+    # Names of the components of its states.
     state: ClassVar[tuple[str, ...]]
     orientation: ClassVar[Orientation]
     averaged: ClassVar[bool] = False
     # Whether its equations hold in every linear flow; all others are derived for shear.
     any_flow: ClassVar[bool] = False
-    # Costs more than the quaternion form, for the same errors or, near a pole of its angles, larger
-    # ones.
+    # Whether its orientation is by angles. Such a form costs more than the quaternion form. Its errors are
+    # the same, or larger near a pole of its angles.
     angles: ClassVar[bool] = False
 
     @abstractmethod
@@ -152,7 +154,7 @@ class Form(ABC):
         parameters: Floats,
         invariant: Invariant | None = None,
     ) -> Problem:
-        """Initial value problem in slow time t₂ = t/St."""
+        """Initial value problem in slow time t₂ = t/St; field, start, parameters and invariant as in `Problem`."""
         unit = scene.stokes
         return Problem(
             self.name,

@@ -133,7 +133,7 @@ def _own_problem(request: StudyRequest, page_only: bool) -> None:
     the folder.
     """
     with loading(request.quiet):
-        from polhode.harness.work_precision import QUICK, WorkPrecision
+        from polhode.harness.work_precision import QUICK_TOLERANCES, WorkPrecision
         from polhode.models.problem import Problem
 
     location = str(request.study_file)
@@ -145,7 +145,11 @@ def _own_problem(request: StudyRequest, page_only: bool) -> None:
     with bad_input():
         study = _object_in(location)
         if isinstance(study, Problem):
-            settings = {"tolerances": QUICK, "max_seconds": _QUICK_SECONDS} if request.quick else {}
+            settings = (
+                {"tolerances": QUICK_TOLERANCES, "max_seconds": _QUICK_SECONDS}
+                if request.quick
+                else {}
+            )
             solvers = list(filters["solvers"]) or None
             study = WorkPrecision(study, solvers, quiet=request.quiet, **settings)
         elif not isinstance(study, WorkPrecision):

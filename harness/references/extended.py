@@ -18,9 +18,10 @@ Run = tuple[Precision, float]
 # Runs that show what rounding of a start makes of a reference, and runs back over it: a tolerance far below an
 # ulp of double precision, 2.2e-16.
 ROUNDING_RUN: Run = ("long double", 1e-17)
-# Steps after which a run is given up, of equations in slow time and of all others: minutes of work. Estimates.
-_MOST_SLOW_STEPS = 200_000
-_MOST_STEPS = 50_000_000
+# Steps after which a run is given up, of equations in slow time t₂ = t/St and of all others: minutes of work.
+# Both are estimates.
+_MAX_SLOW_STEPS = 200_000
+_MAX_STEPS = 50_000_000
 # Without heyoka two unlike methods stand for the runs in extended precision: the first two kinds that reach the
 # end, of Runge-Kutta pairs, Adams' multistep formulas, collocation and backward differences.
 _UNLIKE = (
@@ -29,7 +30,8 @@ _UNLIKE = (
     ("radau", "cyrk-radau"),
     ("cvode-bdf", "cyrk-bdf", "bdf"),
 )
-# Their tolerances, the least ones that rounding does not spoil: by solver, and of all other solvers.
+# Their tolerances, by solver, and of all other solvers. They are estimates near rounding: tighter ones cost
+# steps without accuracy, looser ones make the uncertainty larger.
 _UNLIKE_TOLERANCES = {"cyrk-vern8": 1e-14, "radau": 1e-12, "cyrk-radau": 1e-12}
 _UNLIKE_TOLERANCE = 1e-13
 # Steps after which an unlike run is given up; an estimate.
@@ -62,7 +64,7 @@ def extended_run(
     times : numpy.ndarray
         Shape (n,); the run starts at the first of them, and may go backwards.
     precision, tolerance
-        Of the run.
+        Of the run, as `polhode.solvers.taylor.Bound` takes them.
     deadline : float
         When the run is given up, as `time.perf_counter` reads.
     units : numpy.ndarray, optional
@@ -76,14 +78,16 @@ def extended_run(
         If the run does not reach the last time.
     """
     bound = Bound(problem, tolerance, precision, units, max_step)
-    number = bound.integrator.state.dtype
-    rows = np.empty((len(times), problem.dimension), dtype=number)
-    rows[0] = np.array(problem.start).astype(number)
-    most = _MOST_STEPS if problem.time_unit == 1 else _MOST_SLOW_STEPS
+    dtype = bound.integrator.state.dtype
+    rows = np.empty((len(times), problem.dimension), dtype=dtype)
+    rows[0] = np.array(problem.start).astype(dtype)
+    # Slow time has the unit St.
+    max_steps = _MAX_STEPS if problem.time_unit == 1 else _MAX_SLOW_STEPS
     integrate = bound.propagate
     if problem.parameter_table is not None:
+        # The run stops where parameters change, and goes on with the new ones.
         integrate = with_parameter_table(integrate, problem)
-    status, message = integrate(Record(times, rows, deadline, most))
+    status, message = integrate(Record(times, rows, deadline, max_steps))
     if not status.success:
         raise ReferenceFailedError(
             f"the reference of form {problem.name!r} ended with {status}: {message}", status
@@ -92,7 +96,8 @@ def extended_run(
         return rows
     # NumPy knows no cast from quadruple to long double: it goes by the sum of two doubles.
     high = rows.astype(float)
-    return high.astype(np.longdouble) + (rows - high.astype(rows.dtype)).astype(float)
+    low = (rows - high.astype(dtype)).astype(float)
+    return high.astype(np.longdouble) + low
 
 
 def unlike_runs(
@@ -100,7 +105,8 @@ def unlike_runs(
 ) -> dict[str, np.ndarray]:
     """States, shape (n, d), by two unlike methods in double precision, each under its solver's name.
 
-    Raises ReferenceFailedError if fewer than two of the available ones reach the end.
+    `times`, shape (n,), begin at 0. `deadline` is as `time.perf_counter` reads. Raises
+    ReferenceFailedError if fewer than two of the available methods reach the end before it.
     """
     runs: dict[str, np.ndarray] = {}
     failures: list[str] = []
@@ -110,11 +116,11 @@ def unlike_runs(
         if not (method.available and method.takes(problem)):
             continue
         tolerance = _UNLIKE_TOLERANCES.get(name, _UNLIKE_TOLERANCE)
-        left = deadline - perf_counter()
-        if left <= 0:
+        seconds_left = deadline - perf_counter()
+        if seconds_left <= 0:
             break
         solution = solve(
-            problem, name, tolerance, times, max_seconds=left, max_steps=_MAX_UNLIKE_STEPS
+            problem, name, tolerance, times, max_seconds=seconds_left, max_steps=_MAX_UNLIKE_STEPS
         )
         if not solution.success:
             failures.append(f"{name} ended with {solution.status}")

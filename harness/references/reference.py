@@ -1,7 +1,8 @@
 """References: solutions in extended precision, certified, with a stated uncertainty, never a contestant's own.
 
 docs/method.md, "References", says in short how they are made. A *contestant* is a method that is judged
-by the reference. *Moved* runs start with each number half an ulp away, which double precision cannot tell.
+by the reference. *Moved* runs start with each number half an ulp away, which double precision cannot tell. An
+ulp is the distance of neighbouring numbers in double precision.
 """
 
 from dataclasses import dataclass, replace
@@ -38,36 +39,38 @@ from polhode.solvers.contract import Status
 from polhode.solvers.solve import solve
 from polhode.solvers.taylor import extends_precision
 
-# Tight and loose run, each with its precision and tolerance. Their difference, times the safety factor, is the
+# Tight and loose run, each with its precision and tolerance: 1e-19 is an ulp of long double, and a tight run's
+# tolerance is a hundredth of the loose run's or less. Their difference, times the safety factor, is the
 # reference's own uncertainty. The factor is an estimate, on the safe side: the tighter run errs less than the
 # looser.
 _QUADRUPLE: tuple[Run, Run] = (("quadruple", 1e-22), ("long double", 1e-19))
 LONG_DOUBLE: tuple[Run, Run] = (("long double", 1e-19), ("long double", 1e-17))
 SAFETY = 10.0
-# Largest costs of a run up to which quadruple precision, 45 times as slow, is used, and up to which two moved
-# starts are used instead of one. The unit of a cost is an inverse shear rate of an ordinary run: it is the
-# scene's time, and more where rotation is fast or where stability limits the step. Both are estimates: twice as
-# large ones make the longest runs take twice as long.
-QUADRUPLE_UP_TO = 5000.0
-_TWO_MOVED_UP_TO = 2e5
-# Length of Taylor's interval of stability on the negative real axis at these orders, about.
+# Largest costs of a run up to which quadruple precision is used, some 40 times as slow, and up to which two
+# moved starts are used instead of one. The unit of a cost is an inverse shear rate of an ordinary run: it is
+# the scene's time, and more where rotation is fast or where stability limits the step. Both are estimates:
+# twice as large ones make the longest runs take twice as long.
+QUADRUPLE_UP_TO_COST = 5000.0
+_TWO_MOVED_UP_TO_COST = 2e5
+# Length of Taylor's interval of stability on the negative real axis: 9.2 at order 21, of tolerance 1e-17, 9.9 at
+# order 23, of 1e-19. The number is on the safe side.
 _STABLE = 8.0
 # Angular velocity, in shear rates, up to which T alone tells the cost; an estimate.
 _ORDINARY = 3.0
-# Above the first number, an St, extended precision may take hours. Runs above it are known in double precision
-# alone beyond the second number, a duration in inverse shear rates, and not at all beyond the third. All three
-# are estimates, which bound the time that a reference takes.
-FREE_UP_TO = 1e6
+# Up to this St a run of any duration has extended precision. Above it runs may be so long that they would take
+# hours: there longer ones than `EXTENDED_TIME`, in inverse shear rates, are known in double precision alone,
+# and those beyond `_HORIZON` not at all. All three are estimates, which bound the time that a reference takes.
+EXTENDED_UP_TO_STOKES = 1e6
 EXTENDED_TIME = 5e6
 _HORIZON = 5e7
 # Seeds of the moved runs: each number of start and parameters moves by half an ulp, up or down.
 _ROUNDING_SEEDS = (1, 2)
-# Spread from half an ulp, in rad or over I_max, from which on a reference is examined for chaos; an
-# estimate.
+# Distance from which on a reference is examined for chaos: of moved runs, or of two unlike methods. Its unit is
+# rad, or for L and E the largest of I_max, |L| and E. An estimate.
 _SUSPICIOUS = 1e-9
 # Numbers of rotations up to which a run in limited time has extended precision, and up to which it is known at
 # all, by two methods in double precision. Both are estimates, which bound the time.
-EXTENDED_UP_TO = 2e4
+EXTENDED_UP_TO_ROTATIONS = 2e4
 MOST_ROTATIONS = 2e5
 # Solver and tolerance of the first method in double precision, whose solution is the reference: for spheroids and
 # other shapes. The tolerances, here and below, are estimates near rounding.
@@ -82,7 +85,8 @@ _AGAINST_WITHOUT = ("dop853", 1e-13)
 # their distance. The factor is an estimate, as two runs of a method may err alike.
 _FURTHER = ("taylor", 1e-16)
 _ALIKE = 3.0
-# Difference of L and E, over I_max, from which on two methods do not confirm each other; an estimate.
+# Difference of L and E, over I_max, from which on two methods do not confirm each other. Without heyoka it is
+# over the largest of I_max, |L| and E. An estimate.
 APART = 1e-4
 # Most intervals in which the growth of small differences is followed; an estimate.
 _MOST_INTERVALS = 2000
@@ -128,14 +132,27 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
     """Reference solution of a scene by a form's own equations, from the cache or computed and certified.
 
     Taylor runs in extended precision, from the very parameters in double precision that the
-    contestants receive.
+    contestants receive. A full form gives the reference of all full forms; an averaged one its own
+    exact solution. Long runs, within limited seconds or above St = 1e6, are known in double precision
+    alone, by methods that confirm each other. So are all runs where heyoka, which brings extended
+    precision, is missing.
 
-    A full form gives the reference of all full forms; an averaged one its own exact solution. The
-    times are equispaced from 0 to the end, both included. Raises ReferenceFailedError if a run does
-    not reach its end or takes more than `seconds`, is contradicted by its certificate, or is beyond
-    the horizon; a failure is cached too, and not tried again within as many seconds. Long runs,
-    within limited seconds or above St = 1e6, are known in double precision alone, by methods that
-    confirm each other. So are all runs where heyoka, which brings extended precision, is missing.
+    Parameters
+    ----------
+    scene
+        The scene.
+    form
+        A form, or its name.
+    samples
+        Number of times, equispaced from 0 to the end, both included.
+    seconds
+        Most seconds to compute. A failure is cached too, and tried again only with more seconds.
+
+    Raises
+    ------
+    ReferenceFailedError
+        If a run does not reach its end in that time, is contradicted by its certificate, or is beyond
+        the horizon.
     """
     shape = find_form(form) if isinstance(form, str) else form
     long = False
@@ -154,13 +171,14 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
             raise ReferenceFailedError(str(error)) from None
         if turns > MOST_ROTATIONS:
             raise ReferenceFailedError(f"more than {MOST_ROTATIONS:g} rotations")
-        long = long or turns > EXTENDED_UP_TO
+        long = long or turns > EXTENDED_UP_TO_ROTATIONS
     # Averaged equations are the same however the body axes are numbered; the orientation is not.
     key = _key(problem, samples, long, scene.ellipsoid.scaled_axes if shape.averaged else ())
     arrays = cache.load(key)
     if arrays is None or _tried_less(arrays, seconds):
 
         def computed(limit: float) -> dict[str, Any]:
+            """What is cached of a try of at most `limit` seconds: the reference, or its failure."""
             try:
                 if not extends_precision():
                     run = partial(_unlike, scene, shape, problem)
@@ -173,6 +191,7 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
                 failed = {"failure": str(error), "status": getattr(error, "status", "")}
                 return failed | {"seconds": seconds, "certificates": _CERTIFICATES}
 
+        # A try that ran out of time because the machine was busy is not cached.
         arrays, disturbed = within(
             seconds, computed, lambda record: str(record.get("status")) == Status.TIME_LIMIT
         )
@@ -189,13 +208,18 @@ _rotations = lru_cache(maxsize=10)(rotations)
 
 def _far(scene: Scene) -> bool:
     """Whether extended precision would take too long."""
-    return isfinite(scene.stokes) and scene.stokes > FREE_UP_TO and scene.time > EXTENDED_TIME
+    return (
+        isfinite(scene.stokes)
+        and scene.stokes > EXTENDED_UP_TO_STOKES
+        and scene.time > EXTENDED_TIME
+    )
 
 
 def _tried_less(arrays: dict[str, np.ndarray], seconds: float) -> bool:
     """Whether the cached record is a failure that a trial of `seconds` may overcome."""
     if "failure" not in arrays:
         return False
+    # Records of early versions have no status.
     judged = "status" in arrays and int(arrays["certificates"]) == _CERTIFICATES
     return not judged or float(arrays["seconds"]) < seconds
 
@@ -206,7 +230,7 @@ def _compute(
     """Reference of a form in extended precision, certified.
 
     Runs have rows at the samples, and at the ends of the certificate's segments between them. If the moved
-    runs part too far, chaos is looked for; errors count over the first `kept` samples alone.
+    runs part too far, chaos is looked for; errors count over the first `meaningful` samples alone.
     """
     times = np.linspace(0.0, problem.end, samples)
     segment_times = [*chain(*segments(scene, form, problem.end)), problem.end]
@@ -226,15 +250,19 @@ def _compute(
     states_of = dict(zip(segment_times, states[segment_rows], strict=True))
     certificate = certify(scene, form, problem, states_of)
     spread = [errors(scene.ellipsoid, moved_run, tight) for moved_run in moved]
+    # Rounding of a large L or E is large too: it is no sign of chaos.
     size = max(1.0, magnitude(scene.ellipsoid, tight))
     largest = max(max(shift.slow / size, shift.orientation or 0.0) for shift in spread)
-    kept = samples
+    meaningful = samples
     if largest > _SUSPICIOUS:
         grown = growth(problem, min(_MOST_INTERVALS, samples - 1))
         if grown.chaotic:
-            kept = max(2, int(np.searchsorted(times, grown.meaningful_until(), side="right")))
-    numerical_error = errors(scene.ellipsoid, loose[:kept], tight[:kept])
-    early = [errors(scene.ellipsoid, moved_run[:kept], tight[:kept]) for moved_run in moved]
+            until = grown.meaningful_until()
+            meaningful = max(2, int(np.searchsorted(times, until, side="right")))
+    numerical_error = errors(scene.ellipsoid, loose[:meaningful], tight[:meaningful])
+    early = [
+        errors(scene.ellipsoid, moved_run[:meaningful], tight[:meaningful]) for moved_run in moved
+    ]
     slow = max(SAFETY * numerical_error.slow, *(shift.slow for shift in early))
     orientation = None
     if numerical_error.orientation is not None:
@@ -250,16 +278,20 @@ def _compute(
         orientation_uncertainty=orientation,
         certificate=certificate,
         precision=precision,
-        meaningful=kept,
+        meaningful=meaningful,
         statistics_uncertainty=distance,
     )
 
 
 def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
-    """Reference of a scene's full equations by methods in double precision."""
+    """Reference of a scene's full equations by methods in double precision.
+
+    The first method's solution is the reference. The second method must agree with it.
+    """
     times = np.linspace(0.0, scene.time, samples)
 
     def run(form: str, solver: str, tolerance: float) -> Observables:
+        """Observables at `times`; raises ReferenceFailedError if the run does not reach the end."""
         equations = find_form(form)
         solution = solve(
             equations.problem(scene),
@@ -284,6 +316,7 @@ def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
     apart = errors(scene.ellipsoid, second, exact)
     if not apart.slow < APART:
         raise ReferenceFailedError(f"two methods are {apart.slow:.1g} apart")
+    # The second method errs more than the first: their distance is about its error, and no factor is needed.
     doubt = 1.0
     if _far(scene):
         second = run("quaternion", *_FURTHER)
@@ -367,7 +400,7 @@ def _unpacked(form: Form, arrays: dict[str, np.ndarray]) -> Reference:
     fields: dict[str, Any] = {name: arrays[name].item() for name in names}
     if isnan(fields["orientation_uncertainty"]):
         fields["orientation_uncertainty"] = None
-    # Further numbers, and growth, are of earlier versions.
+    # Earlier versions cached further numbers behind these three.
     count, back, ratio, *_ = arrays["certificate"].tolist()
     by_form, by_solver = arrays["certificate_by"].tolist()
     certificate = Certificate(by_form, by_solver, int(count), int(back), ratio)
@@ -388,8 +421,8 @@ def _runs(scene: Scene, form: Form) -> tuple[Run, Run, tuple[int, ...]]:
     cost = scene.time * max(
         1.0, stiffness, float(np.max(np.abs(scene.angular_velocity))) / _ORDINARY
     )
-    runs = _QUADRUPLE if cost <= QUADRUPLE_UP_TO else LONG_DOUBLE
-    return *runs, _ROUNDING_SEEDS if cost <= _TWO_MOVED_UP_TO else _ROUNDING_SEEDS[:1]
+    runs = _QUADRUPLE if cost <= QUADRUPLE_UP_TO_COST else LONG_DOUBLE
+    return *runs, _ROUNDING_SEEDS if cost <= _TWO_MOVED_UP_TO_COST else _ROUNDING_SEEDS[:1]
 
 
 def _rounded_otherwise(problem: Problem, seed: int) -> Problem:
@@ -406,14 +439,17 @@ def _rounded_otherwise(problem: Problem, seed: int) -> Problem:
 
 
 def _key(problem: Problem, samples: int, long: bool = False, axes: tuple[float, ...] = ()) -> str:
-    """Hash of all that a cached reference depends on; `axes` has the semi-axes of an averaged form's body."""
+    """Hash of all that a cached reference depends on; `axes` has the semi-axes of an averaged form's body.
+
+    `long` is whether methods in double precision make the reference.
+    """
     extended = (
         _QUADRUPLE,
         LONG_DOUBLE,
         ROUNDING_RUN,
         _ROUNDING_SEEDS,
-        QUADRUPLE_UP_TO,
-        _TWO_MOVED_UP_TO,
+        QUADRUPLE_UP_TO_COST,
+        _TWO_MOVED_UP_TO_COST,
     )
     content = {
         "schema": _SCHEMA,

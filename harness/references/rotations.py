@@ -83,7 +83,7 @@ def following_time(scene: Scene) -> float:
     return scene.time if scene.stokes == 0 else scene.time * damped / (scene.time + damped)
 
 
-# The limit bounds memory alone.
+# The number of scenes kept bounds memory alone.
 @lru_cache(maxsize=1000)
 def is_stiff(scene: Scene, turns: float | None = None) -> bool:
     """Whether stability, not the tolerance, sets the steps of an explicit method.
@@ -199,11 +199,12 @@ def _angle(scene: Scene) -> float:
 
     From rest a first run ends at `risen`, and a second one, also from the start, at `longest`.
     After each averages give the rest if they serve there, in shear alone. Else the rest is
-    extrapolated. The angle is the last component, or the one before the time if the problem has a
-    time of its own. Raises ValueError if a run fails.
+    extrapolated. The angle is the last component of the state, or the one before the time where
+    that is a component too. Raises ValueError if a run fails.
     """
     form = find_form(reference_form(scene))
     full = form.problem(scene)
+    # The modules of the two forms that `reference_form` chooses between.
     module = jeffery if scene.stokes == 0 else quaternion
     problem = _with_angle(full, module.with_angle)
     damping = max(scene.ellipsoid.damping) * scene.torque_factor

@@ -33,7 +33,7 @@ from polhode.harness.pages.figures.map_picture import MAP_ERRORS, by_side
 from polhode.harness.pages.figures.style import both_colours, is_averaged, looks
 from polhode.harness.pages.figures.work_precision import LARGEST_ERROR
 from polhode.harness.pages.regimes import read_cells
-from polhode.harness.site.markup import Page, html
+from polhode.harness.site.markup import DATA_DIGITS, Page, html
 from polhode.harness.studies.study import read_study
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
@@ -52,6 +52,8 @@ _ERRORS = tuple(
 )
 # Letters beyond which a name in a cell of the map may be broken at its hyphens; chosen by eye.
 _LONG = 12
+# Decimals of a method's relative spread: ties between methods begin at 15 % (`TIE`).
+_SPREAD_DECIMALS = 2
 
 _COSTS = "Cost against accuracy"
 _LEAD = "Every run measured: wall time, or calls of the right-hand side, against the error along the whole run."
@@ -146,9 +148,10 @@ def _span(runs: pd.DataFrame) -> str:
 
 
 def _methods(runs: pd.DataFrame, error: str) -> list[dict[str, Any]]:
-    """The methods that are the first or the second at some error, or an averaged form's cheapest, with their runs.
+    """The methods that are the first or the second at some error, and those on an averaged form's Pareto front.
 
     No answer needs another method: it names the fastest, the next one of another label, and averaged forms.
+    Each has its runs under "points".
     """
     # The frame of each method's runs, and of those with a result its front: error and seconds.
     runs_of = dict(methods(runs))
@@ -186,25 +189,26 @@ def _points(runs: pd.DataFrame, error: str) -> list[list[float]]:
     spreads = (best["seconds_spread"].astype(float) / best["seconds"].astype(float)).fillna(0.0)
     rows = best.assign(spread=spreads)[[error, "seconds", "tolerance", "spread"]].to_numpy(float)
     return [
-        [_rounded_up(size), seconds, tolerance, round(spread, 2)]
+        [_rounded_up(size), seconds, tolerance, round(spread, _SPREAD_DECIMALS)]
         for size, seconds, tolerance, spread in rows.tolist()
     ]
 
 
 def _rounded_up(value: float) -> float:
-    """The least number of four digits, as pages hold them, that is no smaller.
+    """The least number of `DATA_DIGITS` digits, as pages hold them, that is no smaller.
 
     Rounded down, an error would seem to be met by a run that just misses it.
     """
-    near = float(f"{value:.3e}")
+    decimals = DATA_DIGITS - 1
+    near = float(f"{value:.{decimals}e}")
     if near >= value or value <= 0:
         return near
-    last_digit = 10.0 ** (floor(log10(value)) - 3)
-    return float(f"{near + last_digit:.3e}")
+    last_digit = 10.0 ** (floor(log10(value)) - decimals)
+    return float(f"{near + last_digit:.{decimals}e}")
 
 
 def _map(particle: str, error: str, panel: Sequence[Cell]) -> dict[str, Any]:
-    """Content of a map: its cells in rows by error, and the methods that win, by kind."""
+    """Content of a map: its cells in rows by error, and in `key` the methods that win, by kind."""
     ordered = sorted(panel, key=lambda cell: (-cell.target, cell.stokes))
     rows = [[*row] for _, row in groupby(ordered, key=lambda cell: cell.target)]
     key = by_side(cell.winner for cell in panel if cell.winner)
@@ -229,7 +233,8 @@ def cost_page(reports: Path) -> Page:
         words.setdefault(value, len(words))
     columns = {}
     for name, column in values.items():
-        columns[name] = _runs(words[value] for value in column) if name in named else _runs(column)
+        places = [words[value] for value in column] if name in named else column
+        columns[name] = _counted(places)
     forms = {}
     for name, look in looks(map(str, values["form"])).items():
         averaged = is_averaged(name)
@@ -276,7 +281,7 @@ def _row(run: dict[Any, Any]) -> list[Any]:
     return [*values, int(bool(run.get("inferred"))), *(run.get(name) for name in RUN_NUMBERS)]
 
 
-def _runs(values: Iterable[Any]) -> list[Any]:
+def _counted(values: Iterable[Any]) -> list[Any]:
     """The values; one that stands several times in a row becomes [value, times]."""
     counted = ((value, len([*same])) for value, same in groupby(values))
     return [value if times == 1 else [value, times] for value, times in counted]

@@ -30,7 +30,7 @@ _CONFIG: dict[str, Any] = {
         "polhode.harness.site.extension",
     ],
     "myst_enable_extensions": ["attrs_block", "dollarmath"],
-    # Headings down to this level can be linked to; pages have none of a lower level.
+    # Headings of levels 1 to 4 can be linked to: pages have no others.
     "myst_heading_anchors": 4,
     # Docstrings are read as Markdown is: `code`.
     "default_role": "code",
@@ -47,6 +47,7 @@ _CONFIG: dict[str, Any] = {
     "html_static_path": [str(path) for path in sorted(_HERE.glob("*.[cj]s*"))],
     "html_css_files": ["theme.css", "site.css"],
     "html_js_files": ["tables.js"],
+    # `extension.py` defines both.
     "html_math_renderer": "mathml",
     "html_search_language": "prose",
     "html_copy_source": False,
@@ -71,7 +72,7 @@ _SHORTER = {
     r'class="docutils literal notranslate"': 'class="literal"',
     r'class="((?:current )?reference) internal"': r'class="\1"',
 }
-# Names, blanks and brackets of code, which have the colour of the text around them.
+# Names, blanks and brackets of code, Pygments' classes, which have the colour of the text around them.
 _UNCOLOURED = re.compile(r'<span class="(?:n|nx|p|w)">([^<]*)</span>')
 # Files of Sphinx and of its theme that no page loads.
 _UNUSED = (
@@ -150,7 +151,7 @@ def _finished(page: str) -> str:
         )
     for markup, shorter in _SHORTER.items():
         page = re.sub(markup, shorter, page)
-    # By turns what lies between code or data, which stay as they are, and these.
+    # Parts are by turns text, and code or data: the latter keep their indents.
     parts = re.split(r"(<(?:pre|script)\b.*?</(?:pre|script)>)", page, flags=re.DOTALL)
     parts[::2] = [re.sub(r"\s*\n\s*", "\n", part) for part in parts[::2]]
     parts[1::2] = [_UNCOLOURED.sub(r"\1", part) for part in parts[1::2]]

@@ -45,8 +45,8 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.add_search_language(ProseSearch)
     app.connect("doctree-read", _set_notation)
     app.connect("doctree-read", _drop_links_outside)
-    # Handlers run in the order of their priorities, 500 unless told. This one runs after the theme's, which
-    # makes the navigation.
+    # Handlers run in the order of their priorities, 500 unless told. With any larger one this handler runs
+    # after the theme's, which makes the navigation.
     app.connect("html-page-context", _shorten_navigation, priority=900)
     # Nothing is kept between pages, so that Sphinx may read and write several at once.
     return {"parallel_read_safe": True, "parallel_write_safe": True}

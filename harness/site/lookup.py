@@ -62,7 +62,7 @@ def look_up(
     Returns
     -------
     dict
-        `answers` has what `_answer` gives, for one or two St or none. `beyond` is whether the requested St
+        `answers` has what `_answer` gives, for two St, one or none. `beyond` is whether the requested St
         lies below or above all measured ones: then there is one neighbour alone, or none.
     """
     # St = 0 is no neighbour: St are compared by their quotient.

@@ -17,7 +17,7 @@ from polhode.harness.pages.tables import templates
 _LARGEST_WRITTEN_OUT = 4
 # Significant digits of the numbers in a page's data: more than a picture shows. Fewer make the page
 # smaller.
-_DATA_DIGITS = 4
+DATA_DIGITS = 4
 
 
 @dataclass(frozen=True)
@@ -85,14 +85,14 @@ def _number(match: re.Match[str]) -> str:
 
 
 def plain(value: Any) -> Any:
-    """The value as JSON can hold it: numbers rounded to `_DATA_DIGITS`, whole ones exact, None where not finite.
+    """The value as JSON can hold it: numbers rounded to `DATA_DIGITS`, whole ones exact, None where not finite.
 
     Dictionaries, lists and tuples are gone through; other values, such as text, stay.
     """
     if isinstance(value, float):
         if not isfinite(value):
             return None
-        return round(value) if value == round(value) else float(f"{value:.{_DATA_DIGITS}g}")
+        return round(value) if value == round(value) else float(f"{value:.{DATA_DIGITS}g}")
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items()}
     return [plain(item) for item in value] if isinstance(value, list | tuple) else value

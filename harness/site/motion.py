@@ -67,11 +67,14 @@ def motion_page(user_scenes: dict[str, Scene], say: Callable[[str], None]) -> Pa
 def motion(scene: Scene) -> dict[str, Any]:
     """Data for the drawing of a scene; `why` instead if it has no orientation or cannot be solved.
 
-    `motion.js` reads them by these keys. `pole` is the index of the drawn axis, 0 to 2; `axis` and `L` are its
-    direction and that of L, three numbers a sample; `rows` the body's first two axes, six a sample, of a triaxial
-    body. `plane` has L_z and E over I_max, and `averaged` the same by the averaged equations. `circle` says that the
-    axis goes round L on a circle without torque; a triaxial body has `paths` instead. `parabolas` are factors f of
-    E = f L_z²/2, the least and the largest energy of a body with L along z.
+    `motion.js` reads them by these keys. `time` is the scene's end, in inverse shear rates. `pole` is the index
+    of the drawn axis, 0 to 2, and `symmetry` that of the symmetry axis, None of a triaxial body. `semi` has the
+    semi-axes over the longest one. `axis` and `L` are the directions of the drawn axis and of L, three numbers a
+    sample. `rows` has the body's first two axes, six numbers a sample, of a triaxial body. `plane` has L_z and E
+    over I_max, and `averaged` the same by the averaged equations. `circle` says that the axis goes round L on a
+    circle without torque; a triaxial body has `paths` instead. `parabolas` are factors f of E = f L_z²/2, in
+    these units: the least and the largest energy of a body with L along z. `says` describes the motion in
+    words, and `how` tells form, solver and tolerance.
     """
     if scene.ellipsoid.kind == "sphere":
         return {"why": "a sphere has no axis"}
@@ -80,6 +83,7 @@ def motion(scene: Scene) -> dict[str, Any]:
         # The simplest form that has an axis, far more accurate than a screen shows.
         name = simplest(scene)
         problem = form(name).problem(scene)
+        # Without parameters a problem has its mass form alone, which IDA takes.
         stepping = "ida" if problem.parameters is None else "taylor"
         solver = "exact" if problem.closed_form else stepping
         solution = solve(scene, form=name, solver=solver, tolerance=_TOLERANCE, samples=samples)

@@ -34,10 +34,9 @@ _SHOWN_CODE = (".py", ".toml", ".ipynb")
 # Pictures have few colours, which halve a file. Red, green and blue are multiples of 17, 16 values
 # from 0 to 255 = 15 × 17, so that black and white stay what they are.
 _ROUNDED = [round(value / 17) * 17 for value in range(256)]  # By each value from 0 to 255.
-# How hard WebP looks for a smaller file of the same pixels, from 0 to 100 and from 0 to 6: more takes
-# longer and gains little. Estimates.
-_EFFORT = 75
-_METHOD = 3
+# How hard WebP looks for a smaller file of the same pixels: more takes longer and gains little. Estimates.
+_EFFORT = 75  # From 0 to 100: "quality", as Pillow calls it for lossy pictures.
+_METHOD = 3  # From 0 to 6.
 
 
 def write_sources(
@@ -134,7 +133,7 @@ def _groups(names: list[str]) -> dict[str, dict[str, str]]:
         for caption, pages in NAVIGATION.items()
     }
     listed = {page for pages in groups.values() for page in pages}
-    # Pages beside a folder's README stand below it.
+    # Pages beside a folder's README stand below it. All others go into the last group.
     others = [
         name
         for name in names
@@ -157,7 +156,7 @@ def _report(name: str, text: str, names: list[str]) -> str:
     text = f"{title}\n\n{_outdated(text)}{rest}"
     folder = name.removesuffix("/README")
     if name == "reports/hard-cases/README":
-        text = re.sub(r"^\| ([\w-]+)(?= +\|)", _runs_of, text, flags=re.MULTILINE)
+        text = re.sub(r"^\| ([\w-]+)(?= +\|)", _linked_to_runs, text, flags=re.MULTILINE)
     if folder == "reports":
         # The bold line on top says that pages were made by different code: `{.outdated}`, an attribute of
         # MyST, makes it red (`site.css`).
@@ -204,7 +203,7 @@ def _outdated(text: str) -> str:
     return f"{{.outdated}}\nMeasured by {said}: numbers may differ.\n\n"
 
 
-def _runs_of(cell: re.Match[str]) -> str:
+def _linked_to_runs(cell: re.Match[str]) -> str:
     """A hard case's name in a table leads to its runs: `cost.js` reads what follows "#", where + is a space."""
     if cell[1] not in SCENES:
         return cell[0]
@@ -234,7 +233,6 @@ def _picture(source: Path, page: Path, link: re.Match[str]) -> str:
     with Image.open(path) as image:
         # One table for each of red, green and blue.
         drawn = few_colours(image.convert("RGB").point(_ROUNDED * 3)).convert("RGB")
-    # Of lossless pictures "quality" is the effort.
     drawn.save(copied, "webp", lossless=True, quality=_EFFORT, method=_METHOD)
     name = Path(target).with_suffix(".webp").as_posix()
     write_file(page.parent / name, copied.getvalue())

@@ -74,10 +74,9 @@ class Case:
         packages = ["polhode", method.package]
         # SUNDIALS runs in machine code where its C libraries are found, else by Python's callbacks. The
         # two are different measurements, which the version of llvmlite tells apart.
-        if method.backends[:-1] and self.backend in (None, "compiled"):
-            packages += ["llvmlite"] * (
-                "compiled" in method.backends and not method.lacks("compiled")
-            )
+        chooses = len(method.backends) > 1 and "compiled" in method.backends
+        if chooses and self.backend in (None, "compiled") and not method.lacks("compiled"):
+            packages.append("llvmlite")
         return {
             "schema": _CASE_SCHEMA,
             "scene": scene_table(self.scene),
@@ -161,7 +160,9 @@ def judge(case: Case, record: Record, states: np.ndarray) -> Record:
     full equations, `solver_*` against the exact solution of the same form, `model_*` of that exact
     solution against the full one. A full form has no model error. An error that cannot be measured
     is None. In chaotic motion, errors count up to `meaningful_until`, and `statistics_distance`
-    compares the distributions over the whole run.
+    compares the distributions over the whole run. `worst_time` is the time of the largest error of L
+    and E. `certified_pieces` counts the segments by which the reference was confirmed, and `errors`
+    has all fields of `Errors`. A failed run has `slow_error_so_far` alone.
     """
     form = find_form(case.form)
     ellipsoid = case.scene.ellipsoid
@@ -186,6 +187,7 @@ def judge(case: Case, record: Record, states: np.ndarray) -> Record:
     n = full.meaningful
     full_observables = full.observables[:n]
     early = observables[:n]
+    # The scene is for the energy balance, which needs the samples of the whole run.
     total = errors(ellipsoid, early, full_observables, case.scene if n == case.samples else None)
     distance = (
         None if n == case.samples else statistics_distance(ellipsoid, observables, full.observables)
@@ -211,6 +213,7 @@ def judge(case: Case, record: Record, states: np.ndarray) -> Record:
 
 def time_once(case: Case) -> tuple[float, float]:
     """Wall time, in seconds, of one warm run of a case, and the part of it without waiting for other work."""
+    # Compilation, problem and times are made before the clock starts.
     prepared(case)
     _ = case.times
     # Without a limit: the first run reached its end, and one that a limit cuts short would seem faster.

@@ -9,8 +9,8 @@ import ctypes
 import os
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from math import inf
 from pathlib import Path
@@ -28,7 +28,6 @@ from polhode.models.catalogue import form as find_form
 from polhode.models.files.cached import CACHE_VARIABLE
 from polhode.models.once import once
 from polhode.models.problem import Problem
-from polhode.models.scene import Scene
 from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.compile import array_callback, c_callback, parameter_array
@@ -53,9 +52,6 @@ _TOLERANCE = 1e-8
 # A goal (`Overhead.allowed`); the page of reports/solvers tells who keeps it.
 _ALLOWED_SHARE = 0.05
 _ALLOWED_SECONDS = 50e-6
-# Part of a scene's time whose run shows what a first one takes more: so short that the integration
-# costs nothing beside import and compilation.
-_BEGINNING = 1e-6
 
 
 def rhs_seconds(problem: Problem, backend: Backend) -> float:
@@ -132,39 +128,11 @@ def first_runs(
     runs = {}
     for name in in_steps(solvers, "first runs", "solvers", quiet):
         with TemporaryDirectory() as folder:
+            # The first run finds the folder empty, the second one filled.
             pair = [_fresh(problem, name, folder) for _ in range(2)]
         if all(pair):
             runs[name] = tuple(pair)
     return runs
-
-
-def first_seconds(
-    scenes: Mapping[str, Scene], methods: Iterable[tuple[str, str]]
-) -> dict[tuple[str, str], float]:
-    """Seconds that a first run by a form and solver takes beyond later ones; 0.0 where its beginning fails."""
-    group_seconds: dict[tuple[str, str], float] = {}
-    seconds = {}
-    for form, solver in methods:
-        group = form, compile_group(solver)
-        if group not in group_seconds:
-            with TemporaryDirectory() as folder:
-                problem = find_form(form).problem(scenes[form])
-                run = _fresh(
-                    replace(problem, end=problem.end * _BEGINNING, least_steps=0), solver, folder
-                )
-            group_seconds[group] = run.library + run.compilation if run else 0.0
-        seconds[form, solver] = group_seconds[group]
-    return seconds
-
-
-def compile_group(solver: str) -> str:
-    """Name of the solvers that share what is compiled for a form: one first run stands for all of them."""
-    method = find_solver(solver)
-    return (
-        f"{method.library}{' implicit' if method.implicit else ''}"
-        if method.library != "CyRK"
-        else "CyRK"
-    )
 
 
 def _fresh(problem: Problem, solver: str, folder: str) -> FirstRun | None:
@@ -216,7 +184,8 @@ def measure(
 ) -> list[Overhead]:
     """Overheads of solvers whose bare call is known, minima of calls in turns over about `seconds` for each.
 
-    `samples` equispaced rows are asked of both. Solvers without a known bare call, or not installed, are left out.
+    `samples` equispaced rows are asked of both. The default of `seconds` is an estimate: many calls of some
+    milliseconds fit into it. Solvers without a known bare call, or not installed, are left out.
     """
     times = np.linspace(0.0, problem.end, samples)
     table = []

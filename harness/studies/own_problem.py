@@ -36,6 +36,7 @@ def check_jacobian(problem: Problem) -> None:
         # was expected.
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise ValueError(f"jacobian: got {reason:.150} at the start, {expected}") from error
+    # SciPy's sparse matrices have this method, and a shape already.
     if not hasattr(matrix, "tocsc"):
         try:
             matrix = np.array(matrix, dtype=float)

@@ -36,7 +36,8 @@ Group = tuple[str, float, str, str, Backend | None, Jacobian | None]
 class Runner:
     """Runs what the store lacks of batches in a worker process, which is killed and replaced where need be.
 
-    Its methods raise KilledFromOutsideError, after all else is stored, if cases were lost.
+    A case is lost if something else kills its process, such as a system without memory. The methods
+    raise KilledFromOutsideError, after all else is stored, if cases were lost.
     """
 
     store: Store
@@ -95,9 +96,10 @@ class Runner:
             if record["status"] == Status.REACHED_END
         }
         timed = list(timings)
-        steadiness = self._patience.look() if batch else 0.0
+        # The least time of the sentinel beside this batch.
+        sentinel_seconds = self._patience.look() if batch else 0.0
         while timed:
-            steadiness = min(steadiness, self._patience.steady())
+            sentinel_seconds = min(sentinel_seconds, self._patience.steady())
             for case in timed:
                 reply = self._worker.run(time_once, case, limit=case.max_seconds + COMPILATION)
                 if reply.failure is Failure.LOST:
@@ -116,10 +118,11 @@ class Runner:
                     "seconds": timing.seconds,
                     "seconds_spread": timing.spread,
                     "seconds_runs": list(timing.runs),
-                    "disturbed": timing.disturbed or self._patience.busy(steadiness),
+                    "disturbed": timing.disturbed or self._patience.busy(sentinel_seconds),
                 }
         return [
-            (case, {**record, "sentinel_seconds": steadiness}) for case, record in records.items()
+            (case, {**record, "sentinel_seconds": sentinel_seconds})
+            for case, record in records.items()
         ]
 
     def _sentinel(self) -> float:

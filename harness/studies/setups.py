@@ -109,6 +109,7 @@ def _as_if_compiled(problem: Problem) -> Problem:
     field = problem.field
     if not isinstance(field, OwnField) or not field.plain:
         return problem
+    # A field with a recording, here an empty one, counts as compiled.
     return replace(problem, field=replace(field, recording=Recording((), ())))
 
 

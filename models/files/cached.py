@@ -48,7 +48,7 @@ def _base_folder(library: str) -> Path:
     """The folder of all caches that the user names, else that of one library's."""
     if named := os.environ.get(CACHE_VARIABLE):
         return Path(named).absolute()
-    # Without a home nothing is cached.
+    # Without a home nothing is cached: no folder can be made below `os.devnull`, which is a file.
     home = path if (path := os.path.expanduser("~")) != "~" else os.devnull
     return Path(
         os.environ.get("XDG_CACHE_HOME") or Path(home, ".cache"), library or "polhode"
@@ -120,13 +120,13 @@ def make_private(folder: Path) -> None:
     """Make a folder and those above it that do not exist, for the user alone; raises OSError."""
     for path in (*reversed(folder.parents), folder):
         path.mkdir(mode=0o700, exist_ok=True)
-    # Someone else may have been quicker.
+    # Someone else may have been quicker. 1 is EPERM, "operation not permitted".
     if reason := why_untrusted(folder):
         raise PermissionError(1, reason, str(folder))
 
 
 def load(key: str) -> np.ndarray | None:
-    """The numbers cached under a key; None if there are none, or if the file is not what was written."""
+    """The numbers cached under a key, as doubles of shape (n,); None if there are none, or the file was changed."""
     with suppress(OSError):
         content = _file(key).read_bytes()
         numbers = content[_SUM_BYTES:]
@@ -136,11 +136,12 @@ def load(key: str) -> np.ndarray | None:
 
 
 def save(key: str, numbers: np.ndarray) -> None:
-    """Cache numbers under a key; a folder that cannot be written is no error."""
+    """Cache numbers, of any shape, under a key; a folder that cannot be written is no error."""
     file = _file(key)
     content = np.ascontiguousarray(numbers, dtype=float).tobytes()
     with suppress(OSError):
         make_private(file.parent)
+        # Written beside it and then renamed, so that no other process reads half a file.
         private = file.with_suffix(f".{os.getpid()}")
         private.write_bytes(_sum(key, content) + content)
         private.replace(file)

@@ -51,8 +51,8 @@ class StartTable(Table):
     quaternion: FourVector | None = None  # real part first; any norm but 0
     angular_velocity: Vector | None = None  # along the body axes, in units of the shear rate
     at_rest: bool = False
-    # In space axes, in units of (density) l⁵ (shear rate), as in `Observables`. The key of the same name in a
-    # sweep file is over the largest moment of inertia; this one is not.
+    # In space axes, in units of (density) l⁵ (shear rate), l the longest semi-axis, as in `Observables`. The key of
+    # the same name in a sweep file is over the largest moment of inertia; this one is not.
     angular_momentum: Vector | None = None
     # In units of (density) l⁵ (shear rate)².
     energy: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None

@@ -1,4 +1,8 @@
-"""Tracks: CSV files of the velocity gradient along a particle's path."""
+"""Tracks: CSV files of the velocity gradient A_ij = ∂u_i/∂x_j along a particle's path.
+
+The first column is the time, in inverse reference rates, and the others are A's entries in reference rates
+(`polhode.models.flow.Flow`).
+"""
 
 import csv
 from pathlib import Path
@@ -28,6 +32,7 @@ def read_track(path: Path) -> Flow:
         got = ",".join(header)
         expected = ",".join(TRACK_COLUMNS)
         raise ValueError(f"flow.track: {path}: got the columns {got:.60}, expected {expected}")
+    # The header is line 1.
     numbers = [_numbers(path, line, row) for line, row in enumerate(rows[1:], 2)]
     times = [row[0] for row in numbers]
     try:

@@ -28,7 +28,8 @@ def mean_squares(ops: Operations):
     # arithmetic-geometric mean, ⟨sn²⟩ = (1 - E/K)/m = 1/2 + Σ 2ⁿ⁻¹ c_n²/m (DLMF 19.8.6); the sum
     # has positive terms only and stays exact as m → 0 and m → 1. In the code `mean` and `geometric`
     # are the numbers of that mean, `square` is c_n²/m and `weight` 2ⁿ⁻¹. As c_(n+1) is c_n² over four
-    # times the next `mean`, square becomes m square²/(16 mean²).
+    # times the next `mean`, square becomes m square²/(16 mean²). Arguments are L², 2E and the moments of
+    # inertia, from the least to the greatest, in any one unit.
     where_positive = ops.where_positive
     sqrt = ops.sqrt
 
@@ -157,6 +158,7 @@ class Averaged(Form):
         if scene.ellipsoid.kind != "triaxial":
             axes = [*map(float, scene.ellipsoid.semi_axes)]
             raise self.refuse(f"two semi-axes of {axes} are equal", "averaged-spheroid")
+        # L in body axes, over its largest component so that no square underflows.
         in_body = scene.initial.rotation[0] @ scene.initial.angular_momentum[0]
         in_body = in_body / np.abs(in_body).max()
         shares = in_body**2 / np.sum(in_body**2)

@@ -129,6 +129,7 @@ class JefferyOrbit:
         q = _turned_about_third(q, given)[1:]
         if self.axis == 2:
             return q
+        # The way back: the cyclic renaming that makes axis 1 the third one is the inverse of the one for axis 0.
         return np.stack(make_third(tuple(q.T), 1 - self.axis), axis=1)
 
     def _spin(self, turns: np.ndarray, sine: np.ndarray, cosine: np.ndarray) -> np.ndarray:
@@ -137,6 +138,7 @@ class JefferyOrbit:
         kappa = self.aspect_ratio
         size = hypot(z, s)
         shape = kappa, (s / size) ** 2, (z / size) ** 2
+        # A half turn has two quarters, each with the integral from 0 to π/2.
         integral = 2 * turns * _spin_integral(np.array(1.0), np.array(0.0), *shape)
         integral += _spin_integral(sine, cosine, *shape)
         return -(1 - kappa) * (1 + kappa) * z / (2 * kappa * size) * integral
@@ -172,7 +174,7 @@ def _turned_about_third(q: np.ndarray, given: np.ndarray) -> np.ndarray:
 
 
 def _speed(turning: Factory) -> Factory:
-    """|Ω_J|."""
+    """The factory of |Ω_J|, in shear rates, of `turning` or `turning_in_any_flow`."""
 
     def speed(ops: Operations) -> Callable:
         rates = ops.use(turning)

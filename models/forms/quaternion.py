@@ -39,6 +39,7 @@ def field_in_any_flow(ops: Operations) -> Field:
 
 
 def _speed(ops: Operations) -> Callable:
+    """|ω|, in shear rates."""
     return lambda y, p: ops.sqrt(y[4] * y[4] + y[5] * y[5] + y[6] * y[6])
 
 

@@ -49,7 +49,10 @@ def require_spheroid(form: Form, scene: Scene, instead: str) -> None:
 
 
 def axis_drift(states: np.ndarray, first: int = 3) -> np.ndarray:
-    """|v|² - 1 of the vector v of unit length that stands at `first` in states, shape (n, d)."""
+    """|v|² - 1 of the vector v of unit length that stands at `first` in states, shape (n, d).
+
+    By default v is p̂ in the states of `spheroid-axis`, behind L.
+    """
     return np.sum(states[:, first : first + 3] ** 2, axis=1) - 1
 
 

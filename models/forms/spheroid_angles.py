@@ -88,7 +88,7 @@ def _slip_in_any_flow(ops: Operations) -> Callable:
         s12 = p[13]
         sf = sin(phi)
         cf = cos(phi)
-        # The symmetry axis, and across it and the line of nodes (cos φ, sin φ, 0).
+        # a is the symmetry axis. m is across it and across the line of nodes, (cos φ, sin φ, 0).
         a1 = st * sf
         a2 = -st * cf
         a3 = ct
@@ -171,6 +171,7 @@ class SpheroidAngles(Form):
         nodes = np.stack([cf, sf, np.zeros_like(cf)], axis=1)
         across = np.stack([-sf * ct, cf * ct, st], axis=1)
         axis = np.stack([st * sf, -st * cf, ct], axis=1)
+        # Components of L along the line of nodes, across it, and along the symmetry axis.
         first = spheroid.equatorial_inertia * dtheta
         second = spheroid.equatorial_inertia * dphi * st
         third = spheroid.axial_inertia * spin

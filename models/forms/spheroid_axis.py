@@ -123,8 +123,8 @@ def field_in_any_flow(ops: Operations) -> Field:
     return _field(ops, _slip_in_any_flow)
 
 
-# Largest angle of `rotation`, in rad: half a turn, and a little more. The polynomials below are made for
-# it; with a larger one they would need more terms.
+# Largest angle of `rotation`, in rad: half a turn, and a little more, which reaches every moment from the nearest
+# whole turn. The polynomials below are made for it; with a larger one they would need more terms.
 _REACH = 3.4
 # sin θ/θ and (1 - cos θ)/θ² as polynomials of x = θ², lowest power first, nearest to them for
 # 0 <= x <= _REACH²: within 2.2e-16 there. They are close to Taylor's, 1/(2k + 1)! and 1/(2k + 2)!
@@ -354,13 +354,13 @@ def both_in_any_flow(ops: Operations) -> Callable[..., Sequence[Any]]:
 
 
 def rotation_rate(ops: Operations) -> Callable[[Any, Any], Any]:
-    """|L|/I_e, at which p̂ goes round L."""
+    """|L|/I_e, the rate in rad per unit of time at which p̂ goes round L."""
     sqrt = ops.sqrt
     return lambda y, p: sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
 
 
 def relaxation_rate(p: Sequence[float]) -> float:
-    """The larger one of L's rates of relaxation across and along p̂."""
+    """The larger one of L's rates of relaxation across and along p̂, in shear rates."""
     beta = p[1]
     damping = p[2]
     excess = p[3]
@@ -369,7 +369,10 @@ def relaxation_rate(p: Sequence[float]) -> float:
 
 
 def forgetting_rate(p: Sequence[float]) -> float:
-    """The decay of L_y beside L_z (`lxsmain`–`nsmain`), of a rod that tumbles or a disc that spins: κ → ∞, κ → 0."""
+    """The rate, in shear rates, at which L_y decays beside L_z (`lxsmain`–`nsmain`) once the motion has settled.
+
+    It is that of a rod that tumbles, κ → ∞, or of a disc that spins, κ → 0.
+    """
     beta = p[1]
     damping = p[2]
     excess = p[3]

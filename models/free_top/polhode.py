@@ -18,7 +18,8 @@ Rationals = tuple[Fraction, Fraction, Fraction]
 _QUARTER_NODES = 32
 # Least square that is divided by, where a body is at rest: keeps 0/0 away.
 _TINY = 1e-300
-# Largest parameter m of SciPy's elliptic functions, for K(m) is infinite at 1.
+# Largest parameter m of SciPy's elliptic functions, for K(m) is infinite at 1. It is a few ulps below: a mean
+# over the separatrix itself is less accurate.
 _LARGEST_PARAMETER = 1 - 1e-15
 
 
@@ -33,9 +34,9 @@ class Polhode:
 
     order: tuple[int, int, int]  # indices of the axes a, b, c
     sense: int  # 1 if c is the axis of greatest inertia, −1 if it is that of least inertia
-    momentum: Long
-    rate: Long  # dτ/dt ≥ 0
-    precession: Long  # mean rate φ_LO,2 / t (`eq:prec2`)
+    momentum: Long  # |L|, in the units of inertia and ω
+    rate: Long  # dτ/dt ≥ 0 of the Jacobi functions' argument τ
+    precession: Long  # mean rate φ_LO,2 / t (`eq:prec2`), in rad per unit of time
     m: Long  # k²
     m1: Long  # 1−k²
     # −n is the characteristic of the integral of the third kind: n = I_c (I_b−I_a) / (I_a (I_c−I_b)).

@@ -21,6 +21,10 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
+# `PlannedSegment` and `Segment` have comments on their fields. Of the first, `decisive` asks for a new look ahead
+# behind the segment, `swing`, `phase` and `phase_per_error` are errors of angles, in rad. `turned` is the growth of
+# the full equations' error, summed over slow time.
+#
 # What is chosen by trial here was tried on random starts, other ones than those of reports/hybrid.
 # Its page counts how many runs stay within the error that they were asked for, and within the one
 # that they state.
@@ -63,7 +67,7 @@ def foreseen(scene: Scene, error: float) -> tuple[PlannedSegment, ...]:
 
 
 def error_growth(scene: Scene) -> float:
-    """`Path.error_growth` where a scene starts."""
+    """`Path.error_growth` where a scene starts: in shear rates, of an error by angle, or by a fast body's energy."""
     size = float(np.linalg.norm(scene.initial.angular_momentum)) / max(scene.ellipsoid.inertia)
     return speed(scene) * max(1.0, size * speed(scene))
 

@@ -93,7 +93,7 @@ def test_meaningful_until_is_shorter_for_larger_errors():
 
 def test_chaos_bounds_what_a_reference_says_of_trajectories(tmp_path, monkeypatch):
     monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
-    monkeypatch.setattr(module, "QUADRUPLE_UP_TO", 0.0)
+    monkeypatch.setattr(module, "QUADRUPLE_UP_TO_COST", 0.0)
     scene = replace(CHAOTIC, time=2.5e3)
     known = module.reference(scene, "jeffery", 501)
     assert known.meaningful_until is not None

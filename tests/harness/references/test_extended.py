@@ -25,7 +25,7 @@ def known(request, tmp_path_factory):
 
 def test_two_methods_know_a_run_as_well_as_they_say(known, monkeypatch):
     scene, exact = known
-    monkeypatch.setattr(module, "EXTENDED_UP_TO", 10.0)
+    monkeypatch.setattr(module, "EXTENDED_UP_TO_ROTATIONS", 10.0)
     found = reference(scene, reference_form(scene), 51, seconds=60.0)
     assert (found.precision, found.certificate.solver) == ("double", "cyrk-vern8")
     apart = errors(scene.ellipsoid, found.observables, exact.observables)
@@ -60,7 +60,7 @@ def test_over_very_many_shear_times_a_third_run_says_how_well_a_reference_is_kno
     scene, exact = known
     # The fixture's cache may hold a run of two methods alone.
     monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
-    monkeypatch.setattr(module, "FREE_UP_TO", 1.0)
+    monkeypatch.setattr(module, "EXTENDED_UP_TO_STOKES", 1.0)
     monkeypatch.setattr(module, "EXTENDED_TIME", 1.0)
     far = reference(scene, reference_form(scene), 51)
     assert far.precision == "double"

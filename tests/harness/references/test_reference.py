@@ -52,7 +52,7 @@ def test_a_reference_meets_the_closed_form(scene: Scene, closed: str):
 @pytest.mark.parametrize("scene", [PAPER, SPHEROID], ids=["ellipsoid", "spheroid"])
 def test_quadruple_and_long_double_agree_within_the_uncertainty(scene: Scene, monkeypatch):
     tight = reference(scene, "quaternion", 101)
-    monkeypatch.setattr(module, "QUADRUPLE_UP_TO", 0.0)
+    monkeypatch.setattr(module, "QUADRUPLE_UP_TO_COST", 0.0)
     rough = reference(scene, "quaternion", 101)
     assert (tight.precision, rough.precision) == ("quadruple", "long double")
     found = errors(scene.ellipsoid, rough.observables, tight.observables)

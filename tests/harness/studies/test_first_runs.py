@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from polhode.harness.studies.cost import compile_group, first_runs, first_seconds
+from polhode.harness.studies.cost import first_runs
 from polhode.models.catalogue import form
 from polhode.models.scenes import named_scene
 
@@ -14,21 +14,12 @@ def test_first_runs_pay_for_compilation():
     assert cold.compilation > warm.compilation > 0.0, "heyoka keeps compiled code on disk"
 
 
-def test_a_group_is_measured_once():
-    found = first_seconds(
-        {"quaternion": named_scene("paper")},
-        [("quaternion", "cyrk-vern8"), ("quaternion", "cyrk-radau")],
-    )
-    assert found["quaternion", "cyrk-vern8"] == found["quaternion", "cyrk-radau"] > 0.0
-
-
-def test_segments_are_compiled_too(tmp_path, monkeypatch):
-    monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
-    scenes = {name: named_scene("long") for name in ("quaternion", "hybrid")}
-    found = first_seconds(scenes, [(name, "cyrk-vern8") for name in scenes])
-    assert found["hybrid", "cyrk-vern8"] > 3 * found["quaternion", "cyrk-vern8"]
-
-
-def test_groups_share_what_is_compiled():
-    assert compile_group("cyrk-vern8") == compile_group("cyrk-radau")
-    assert compile_group("radau") == compile_group("bdf") != compile_group("dop853")
+def test_segments_are_compiled_too():
+    scene = named_scene("long")
+    compilation = {}
+    for name in ("quaternion", "hybrid"):
+        problem = form(name).problem(scene)
+        beginning = replace(problem, end=1e-6 * problem.end, least_steps=0)
+        [(cold, _)] = first_runs(beginning, ["cyrk-vern8"]).values()
+        compilation[name] = cold.compilation
+    assert compilation["hybrid"] > 3 * compilation["quaternion"]
