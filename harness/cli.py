@@ -51,7 +51,7 @@ GROUPS = {
 COMMANDS: dict[str, Words] = {}
 for _group in GROUPS.values():
     COMMANDS.update(_group)
-# Names of version 0.1, understood in 0.2 too.
+# Today's names of commands by those of version 0.1, which 0.2 understands too.
 FORMER = {"heldout": "validate", "footing": "equal-error"}
 
 
@@ -154,6 +154,7 @@ class _Commands(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[Any, click.Command | None, list[str]]:
         """Name, command and its arguments, by a former name too; BadInput for an unknown name."""
+        # Parsing is resilient while a shell completes a line by Tab: then nothing is said.
         name = FORMER.get(args[0], args[0])
         if name != args[0] and not ctx.resilient_parsing:
             click.echo(
@@ -241,6 +242,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         signal.signal(signal.SIGTERM, _terminated)
     # Extreme input overflows, which NumPy warns of: the run's status says so already.
     warnings.filterwarnings("ignore", category=RuntimeWarning)
+    # A `Question` warns of input that is legal, and surely not meant.
     warnings.filterwarnings("always", category=Question)
     warnings.showwarning = lambda message, *where, **more: click.echo(f"note: {message}", err=True)
     # The code of all that is caught below, but for bad input.

@@ -28,8 +28,8 @@ _MAX_LOOKS = 1_000_000
 _RTOL = np.float64(4 * np.finfo(float).eps)
 # Absolute tolerance of that time: `brentq` asks for a positive one, and the relative one is to decide.
 _XTOL = 1e-300
-# Steps of `brentq`: a thousand halvings reach 1e-301 of an interval that begins at t = 0, and between
-# two halvings it may try an interpolation.
+# Steps of `brentq`: a thousand halvings reach 1e-301 of an interval that begins at t = 0. Between two
+# halvings it may try an interpolation, which makes two thousand.
 _MAX_BRENTQ_STEPS = 2000
 # Largest difference, over the event's largest value, between the values of one row alone and among
 # others. An estimate: rounding, which depends on the order of sums, stays far below it.
@@ -121,6 +121,7 @@ def separatrix(solution: SceneSolution) -> np.ndarray:
 def distance_to_settled(solution: SceneSolution) -> np.ndarray:
     """Distance of L and E, over I_max, from the nearest stable state, less that of an arrival; shape (n,).
 
+    A state's distance of arrival, its `reach`, is `ARRIVED` beyond the motion about it.
     Raises ValueError in a flow other than simple shear, or if no stable state is known.
     """
     scene = solution.scene
@@ -237,7 +238,8 @@ def with_events(solution: SceneSolution, events: Iterable[Event]) -> SceneSoluti
 def _looks(solution: Any) -> np.ndarray:
     """The solution's times and equispaced ones between each two of them; shape (k,).
 
-    The total follows from steps or rows, whichever asks for more, and every interval gets the same number.
+    The total follows from steps or rows, whichever asks for more, and has a limit, `_MAX_LOOKS`. Every
+    interval gets the same number.
     """
     rows = len(solution.times) - 1
     looks = max(_LOOKS_PER_ROW * rows, _LOOKS_PER_STEP * (solution.work.steps or rows))

@@ -35,14 +35,16 @@ from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
 
 # Durations of runs at St that the user gives (`--polhode-stokes`).
-_SLOW_TIME_FROM = 1.0  # St from which on the duration is in slow time.
+# St from which on the duration is in slow time. An estimate: the regime map changes at St = 10, and runs
+# between are shorter here than there.
+_SLOW_TIME_FROM = 1.0
 _SLOW_TIME = 0.5  # Slow time from that St on, as in `suite.toml`.
 _SHEAR_TIMES = 20.0  # Inverse shear rates below that St, as on the regime map.
 # Most relaxation times, each of St inverse shear rates, as of the stiff scenes in `suite.toml`: the
 # reference of a stiff scene costs seconds.
 _RELAXATION_TIMES = 2000.0
-# Seconds that a reference may take, by estimate. If extended precision would take longer, as in
-# long runs, two unlike methods in double precision confirm each other.
+# Seconds that a reference in extended precision may take; an estimate. If it is expected to take longer,
+# as in long runs, two unlike methods in double precision confirm each other.
 _REFERENCE_SECONDS = 60.0
 # For `--polhode-errors`: the loosest of these tolerances that meets a requested error is sought.
 # Rounding leaves no use for a tighter one, and 0.01 is looser than anybody asks.
@@ -166,7 +168,7 @@ class Suite:
         return case, record, failure(record)
 
     def _loosest_to_meet(self, cases: list[Case], error: float) -> tuple[Case, Record, str]:
-        """What `choose` returns, for a requested error: the loosest case that meets it, else the most accurate one."""
+        """As `choose`, for a requested error: the loosest case that meets it, else the most accurate one."""
         best = cases[0]
         for case in cases:
             record = examine(case, cases)
@@ -270,7 +272,8 @@ def examine(case: Case, cases: Sequence[Case]) -> Record:
     """Status, errors and work of a case among those of its method, from the loosest tolerance on.
 
     The case is not run if a looser tolerance was too slow already: its status is inferred. A looser
-    run that had gone wrong before it was stopped says nothing of tighter ones.
+    run says nothing of tighter ones if it had gone wrong before it was stopped. It had if its error of L
+    and E, over I_max, had come to `SANE_ERROR`.
     """
     for looser in cases[: cases.index(case)]:
         record = _examined(looser)

@@ -20,7 +20,7 @@ _COUNTS_FILE = "work_counts.json"
 # Counts of work that may be stored; those that a library does not report are not.
 _COUNTS = ("rhs_calls", "steps", "jacobians", "factorizations")
 # Another processor may round a last bit otherwise, and a few steps more follow. A count may exceed the
-# stored one by a share of it, and by one, since 2 % of fewer than 50 steps are less than a step. Both
+# stored one by a share of it, and by one more: 2 % of fewer than 50 steps are less than a step. Both
 # numbers are estimates.
 _SLACK = 0.02
 _MORE = 1
@@ -40,7 +40,8 @@ class Measured:
     message : str
         Why it failed; empty after success.
     error : float or None
-        As `WorkPrecision` measures it; None for a run that failed.
+        As `WorkPrecision` measures it; None for a run that failed. By default it is the largest
+        deviation of a component at any sample, over the component's largest magnitude.
     uncertainty : float or None
         How well the reference is known, in the same measure as `error`.
     seconds : float or None
@@ -48,6 +49,8 @@ class Measured:
         `WorkPrecision`, where benchmarks are disabled. None for a run that failed.
     rhs_calls, steps, jacobians, factorizations : int or None
         Work of one run; None where the library does not report it.
+    counts : Counts
+        The test's stored counts, which `grown` compares with these.
     """
 
     solver: str
@@ -144,6 +147,7 @@ class Measure:
         ValueError
             If an argument is out of range, or the solver does not accept the problem.
         """
+        # A study of one row: one solver at one tolerance.
         study_case = WorkPrecision(problem, [solver], [tolerance], quiet=True, **study)
         (row,) = rows_of(study_case.frame)
         if row["status"] == Status.REACHED_END:

@@ -1,6 +1,6 @@
 """pytest plug-in: options and table of the benchmark suite, and the fixture `work_precision`.
 
-pytest loads it whenever it starts: at the top it imports nothing but pytest.
+pytest loads it whenever it starts. So at the top it imports pytest and the standard library alone.
 """
 
 from argparse import ArgumentTypeError

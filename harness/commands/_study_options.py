@@ -30,8 +30,8 @@ _KINDS = {
 # Share of disturbed times above which earlier results are not replaced. An estimate: half of it asks for a
 # quieter machine, twice of it lets every fifth time be too long.
 _MAX_DISTURBED_SHARE = 0.1
-# The share is of this number of runs at least: chance rules fewer. With a share of 0.1, five may be
-# disturbed.
+# The share is of this number of runs at least, an estimate: chance rules fewer. With a share of 0.1, five
+# may be disturbed.
 FEW_TIMED_RUNS = 50
 # Options that change nothing in what is measured: `command_line` leaves them out.
 _NOT_MEASURED = ("out", "resume", "quiet", "as_json", "page_only", "disturbed")

@@ -88,6 +88,7 @@ def bench(request: StudyRequest, problems: bool, page_only: bool) -> None:
         with bad_input():
             path = record_file(folder)
             records = list(read_export(path))
+            # Raises ValueError if the records are not those of a study.
             of_runs(frame(records, NEEDED), path)
         click.echo(f"{write_page(study, records, folder, command_line())}")
         return
@@ -153,6 +154,7 @@ def _own_problem(request: StudyRequest, page_only: bool) -> None:
             solvers = list(filters["solvers"]) or None
             study = WorkPrecision(study, solvers, quiet=request.quiet, **settings)
         elif not isinstance(study, WorkPrecision):
+            # The first 60 characters, an estimate, tell what it is.
             raise ValueError(
                 f"{location}: got {study!r:.60}, expected a Problem or a WorkPrecision"
             )
@@ -197,6 +199,7 @@ def regimes(request: StudyRequest, page_only: bool) -> None:
         from polhode.harness.pages.regimes import rewrite_page, write_page
         from polhode.harness.studies.runner import Runner
 
+        # Over more slow time averaged equations do not run.
         study = replace(request.study("regimes"), longest_slow_time=LONGEST_SLOW_TIME)
         # `request.study` has cut tolerances and time limits; here scenes are left out too.
         if request.quick:
@@ -541,6 +544,7 @@ def sweep(
         engine = _engine(workers, dask)
     # Whether to go on was settled above, so that no store is moved aside here: others may be at work on it.
     with stored(folder, resume=True, what="tasks") as store:
+        # In random order, as other runs may take tasks from the same store.
         tally = run_sweep(sweep_plan, store, engine, quiet=quiet, spread=resume)
         if tally.failed:
             raise RunFailed(

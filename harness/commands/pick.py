@@ -268,6 +268,7 @@ def validate(
         raise RunFailed("no scene has a reference")
     page = write_page(out, evaluation, command_line())
     click.echo("\n".join([*summary(evaluation.scenes), str(page)]))
+    # The targets are those of `polhode.harness.answers.heldout`, in each range of the best run's time.
     if not reached(evaluation.scenes):
         raise RunFailed("pick: fewer first choices than expected are near the best run")
 

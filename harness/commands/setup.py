@@ -20,12 +20,13 @@ from polhode.models.registry import imported
 _REPORTS = Path("reports")
 _HERE = Path(__file__).parent
 _ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
-# Seconds over which the sentinel (`polhode.harness.common.timing`) is watched. An estimate: some hundred of
-# its times, so that one interruption does not decide.
-_WATCH = 1.0
-# A machine is fit for timing up to these values, which are estimates.
-_STEADY = 1.05  # Median over minimum of the sentinel's times.
-_BUSY = 0.5  # Processes that wait for each core.
+# Seconds over which the sentinel (`polhode.harness.common.timing`) is watched. An estimate: it
+# then takes some hundreds of times, so that one interruption does not decide.
+_WATCH_SECONDS = 1.0
+# A machine is fit for timing up to these values. Estimates: larger ones pass more machines, and less is to be
+# made of their times.
+_MAX_STEADY_RATIO = 1.05  # Median over minimum of the sentinel's times.
+_MAX_LOAD_PER_CORE = 0.5  # Processes that run or wait for a processor, for each core.
 # What `compare` calls a regression, as factors. Estimates: a smaller factor in time tells of a busy machine more
 # often, and errors differ by some factor wherever a method takes other steps.
 _SLOWER = 1.5
@@ -73,6 +74,7 @@ def completion(shell: str) -> None:
 
     script = get_completion_class(shell)
     assert script is not None
+    # Click's name of the variable by which a shell asks the command for completions.
     click.echo(script(polhode, {}, "polhode", "_POLHODE_COMPLETE").source())
 
 
@@ -86,7 +88,7 @@ def doctor(as_json: bool) -> None:
 
 
 def examine() -> dict[str, Any]:
-    """All that `polhode doctor` shows; takes a little longer than `_WATCH` seconds."""
+    """All that `polhode doctor` shows; takes a little longer than `_WATCH_SECONDS`."""
     from polhode.harness.common.machine import machine, versions
     from polhode.harness.common.wheels import why_missing
     from polhode.harness.pages.tables import templates
@@ -109,7 +111,7 @@ def examine() -> dict[str, Any]:
         "adapters": adapters,
         "caches": [look(name, folder) for name, folder in caches.items()],
         "cold_start": cold_start(),
-        "steadiness": watch_sentinel(_WATCH),
+        "steadiness": watch_sentinel(_WATCH_SECONDS),
     }
     advice = (
         templates(_HERE).get_template("advice.md").render(state, steady=steady(state["steadiness"]))
@@ -139,6 +141,7 @@ def cold_start() -> dict[str, float]:
     import subprocess
 
     began = perf_counter()
+    # By -P the working folder is not searched for modules.
     done = subprocess.run(
         [sys.executable, "-P", "-c", _COLD], capture_output=True, text=True, check=False
     )
@@ -181,7 +184,9 @@ def watch_sentinel(seconds: float) -> dict[str, float | None]:
 
 def steady(steadiness: dict[str, float | None]) -> bool:
     """Whether times measured now mean something, by what `watch_sentinel` returned."""
-    return (steadiness["ratio"] or 1.0) <= _STEADY and (steadiness["load"] or 0.0) <= _BUSY
+    ratio = steadiness["ratio"] or 1.0
+    load = steadiness["load"] or 0.0
+    return ratio <= _MAX_STEADY_RATIO and load <= _MAX_LOAD_PER_CORE
 
 
 def _page(state: dict[str, Any]) -> str:

@@ -107,6 +107,7 @@ def _scene_list(rows: Sequence[Mapping[str, Any]]) -> str:
     header = ["name", "semi-axes", "St", "time"]
     lines = []
     for row in rows:
+        # Ten digits, an estimate: all that a scene gives, and no rounding.
         axes = " : ".join(f"{axis:.10g}" for axis in row["semi_axes"])
         lines.append([row["name"], axes, short(row["stokes"]), short(row["time"])])
     summaries = [row["summary"] for row in rows]

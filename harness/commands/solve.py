@@ -104,6 +104,7 @@ def solve(
                 else None
             )
             for path in filter(None, (beside, restart)):
+                # Raises OSError now if the file cannot stand there.
                 PartialFile(path)
             _keep_apart(Path(scene), out, beside, restart)
             progress.begin("choosing")
@@ -225,6 +226,7 @@ def _run(
     from polhode.solvers.solve import Interrupted
 
     def watch(record: "Record") -> None:
+        # A segment may count time in a unit of its own, `record.unit`.
         end = record.unit * float(record.times[-1])
         last = float(planned.times[-1])
 

@@ -1,7 +1,7 @@
-"""References, and the digest of the code, cached between runs.
+"""Arrays of references, cached on disk between runs: a file for each key.
 
-Files have a checksum of key and content, so that none stands for another. A key is a digest in
-hexadecimal digits of all that the arrays follow from: it names the file.
+A key is a digest, in hexadecimal digits, of all that the arrays follow from. Files have a checksum
+of key and content, so that none stands for another.
 """
 
 import hashlib

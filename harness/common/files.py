@@ -1,8 +1,8 @@
 """The one way to write a file: it appears under its name when it is complete; what failed is left as FILE.partial.
 
 Files that are read again, such as tables and records, have their checksums in SHA256SUMS beside
-them, which `sha256sum --check` reads too. JSON is such as every reader takes: numbers that it has
-no sign for are words.
+them, which `sha256sum --check` reads too. JSON is such as every reader takes: numbers that are not
+finite, for which it has no sign, are words.
 """
 
 import errno
@@ -20,6 +20,7 @@ from typing import IO, Any
 _STANDARD_OUTPUT = (Path("-"), Path("/dev/stdout"))
 # The number that the system gives standard output.
 _STANDARD_OUTPUT_NUMBER = 1
+# The file of the checksums in a folder, by its usual name.
 SUMS = "SHA256SUMS"
 # The words that stand in JSON for numbers that it has no sign for. A string that is one of them is read as the
 # number too.
@@ -120,14 +121,14 @@ class PartialFile:
                     # On the disk before it has its name: a crash of the machine leaves no empty file.
                     os.fsync(file.fileno())
                     if self._summed:
-                        _expect(self.path, self._private)
+                        _keep_checksum(self.path, self._private)
                     final_path = self.path
         finally:
             if self.atomic:
                 os.replace(self._private, final_path)
                 if self._summed and final_path is self.path:
                     # The earlier file is gone, and its checksum goes.
-                    _expect(self.path)
+                    _keep_checksum(self.path)
 
 
 def make_folder(folder: Path) -> None:
@@ -156,9 +157,9 @@ def write_file(path: Path, content: str | bytes, *, summed: bool = False) -> Pat
 def remove_file(path: Path) -> None:
     """Remove a file, if it is there, and the checksum that is kept of it."""
     path.unlink(missing_ok=True)
-    # `_expect` drops the line of a file that is not there.
+    # `_keep_checksum` drops the line of a file that is not there.
     if path.name in _sums(path.parent):
-        _expect(path)
+        _keep_checksum(path)
 
 
 def open_file(path: Path) -> IO[bytes]:
@@ -184,7 +185,10 @@ def read_file(path: Path) -> bytes:
 
 
 def _sums(folder: Path) -> dict[str, list[str]]:
-    """Checksums by file name, none if SHA256SUMS cannot be read: two of a file while it is replaced, see `_expect`."""
+    """Checksums by file name, none if SHA256SUMS cannot be read.
+
+    A file has two of them while it is replaced: see `_keep_checksum`.
+    """
     sums: dict[str, list[str]] = {}
     with suppress(OSError):
         for line in (folder / SUMS).read_text(encoding="utf-8", errors="replace").splitlines():
@@ -193,7 +197,7 @@ def _sums(folder: Path) -> dict[str, list[str]]:
     return sums
 
 
-def _expect(path: Path, *coming: Path) -> None:
+def _keep_checksum(path: Path, *coming: Path) -> None:
     """Keep the checksum of a file, and of one that is about to take its place: until then both hold.
 
     A file that is not there has none, and loses the one that was kept of it.

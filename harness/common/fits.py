@@ -11,7 +11,8 @@ COVERAGE = 0.95  # Of all intervals.
 def power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, tuple[float, float], float]:
     """Exponent of y = c x^exponent by least squares of logarithms, its interval by Student's t, and log₁₀ c.
 
-    x and y are positive, shape (n,). With two points the interval is infinite.
+    x and y are positive, shape (n,), and x has two different values at least. With two points the interval
+    is infinite.
     """
     from scipy import stats
 
@@ -24,7 +25,10 @@ def power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, tuple[float, float],
 
 
 def mean_interval(values: np.ndarray) -> tuple[float, float, float]:
-    """Mean, lower and upper end of its interval by Student's distribution; of equal values, or of one, NaN ends."""
+    """Mean, lower and upper end of its interval by Student's t; the ends of equal values, or of one, are NaN.
+
+    `values` has shape (n,), n ≥ 1.
+    """
     from scipy import stats
 
     mean = float(np.mean(values))
@@ -35,7 +39,8 @@ def mean_interval(values: np.ndarray) -> tuple[float, float, float]:
 def median_interval(values: np.ndarray) -> tuple[float, float, float]:
     """Median, lower and upper end of its interval: two of the values in order, by the binomial distribution.
 
-    Of fewer than six values it goes from the least to the largest, and covers less than 95 %.
+    `values` has shape (n,), n ≥ 1. Of fewer than six values the interval goes from the least to the
+    largest, and covers less than 95 %.
     """
     from scipy import stats
 
@@ -49,9 +54,9 @@ def median_interval(values: np.ndarray) -> tuple[float, float, float]:
 
 
 def wilson(count: int, total: int) -> tuple[float, float]:
-    """Wilson's score interval of a share (J. Am. Stat. Assoc. 22 (1927) 209), which holds at 0 and 1.
+    """Wilson's score interval of the share count/total (J. Am. Stat. Assoc. 22 (1927) 209): its two ends.
 
-    Of no cases it is (0, 1).
+    It holds for shares of 0 and 1 too. Of no cases it is (0, 1).
     """
     z = NormalDist().inv_cdf((1 + COVERAGE) / 2)
     middle = count + z**2 / 2

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from polhode.harness.common.code_digest import code_digest
 from polhode.harness.common.text import percent
-from polhode.harness.common.timing import BUSY, HAD, disturbance
+from polhode.harness.common.timing import MAX_SENTINEL_RATIO, MIN_PROCESSOR_SHARE, disturbance
 from polhode.models.libraries import version_of
 
 # Packages whose versions pages name: those whose numbers a page shows, and those that make it.
@@ -34,8 +34,8 @@ _PACKAGES = (
 # know yet are not looked at, the digest of the code has them.
 _CODE = ("models", "solvers", "harness", "polhode", "pyproject.toml", "constraints.txt")
 _CHANGED = " with changes"
-# Hexadecimal digits that name a commit on a page. An estimate: of 1,000,000 commits, none other is likely
-# to begin with the same ones (1 in 70,000); git writes more where they do not tell commits apart.
+# Hexadecimal digits that name a commit on a page. An estimate: among 1,000,000 commits another one begins
+# with the same digits with a chance of 1 in 70,000. Git writes more where they do not tell commits apart.
 _DIGITS_OF_A_COMMIT = 9
 # Seconds after which git is given up, as on a file system that hangs. An estimate: it takes milliseconds.
 _GIT_SECONDS = 60
@@ -49,7 +49,8 @@ _MAKER = re.compile(
 # Said on every page that a command writes.
 OVERWRITTEN = "Do not edit: the next run overwrites this page."
 # Seconds between two records beyond which a study stood still, as when it was interrupted and
-# resumed: it does not count as time that the study took. An estimate.
+# resumed. Such a pause does not count as time that the study took. An estimate: with twice
+# as much, stops of up to 20 minutes would count.
 _PAUSE = 600.0
 # Minutes from which on a page says how long its study took; rounded, this is the first plural.
 _LEAST_MINUTES = 1.5
@@ -141,7 +142,10 @@ def provenance(command: str, records: Sequence[Mapping[str, Any]]) -> list[str]:
     by = " and ".join(f"{maker}," for maker in makers)
     where = f"on {' and '.join(machines)}" if machines else "on an unknown machine"
     disturbed, judged = disturbance(records)
-    rule = f"had the processor for less than {percent(HAD)} of its time, or the machine took {BUSY:g} × its shortest"
+    rule = (
+        f"had the processor for less than {percent(MIN_PROCESSOR_SHARE)} of its time, "
+        f"or the machine took {MAX_SENTINEL_RATIO:g} × its shortest"
+    )
     runs = f"{judged} timed runs{_took(records)}"
     said = (
         f" Disturbed by other work: {disturbed} of {runs} (the fastest {rule})." if judged else ""

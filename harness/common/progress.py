@@ -30,7 +30,7 @@ _LEAST_DETAIL = 8  # Columns below which words on the present step are left out.
 _COLUMNS = 80  # Columns of a terminal that does not tell its width: a terminal's usual ones.
 # Share of the work done below which nothing is said about the rest.
 _TOO_EARLY = 1e-3
-# Options of tqdm: the bar is as wide as the whole work, 1, and is written anew at every look; the time
+# Options of tqdm: the bar stands for the whole work, 1, and is written anew at every look. The time
 # remaining follows the mean speed since the start.
 _EVERY_LOOK: dict[str, Any] = {
     "position": 0,
@@ -233,6 +233,7 @@ class Steps:
         state = self._bar.format_dict
         without_bar = {"bar_format": state["bar_format"].replace("{bar}", ""), "ncols": None}
         line = self._bar.format_meter(**{**state, **without_bar, "postfix": ""})
+        # tqdm puts ", " before the words.
         room = (state["ncols"] or _COLUMNS) - len(line) - len(", ") - _LEAST_BAR - _GROWTH
         if room < _LEAST_DETAIL:
             return ""

@@ -22,8 +22,10 @@ _NARROWEST = 24
 _GAP = "  "
 # Dashes that Markdown asks for at least below each cell of a header.
 _LEAST_RULE = 3
-# Numbers below this have a digit behind the point; larger ones round to two digits without it.
+# Numbers below this have a digit behind the point. Larger ones round to 10 or more, and have two digits
+# without it.
 _TWO_DIGITS_FROM = 9.95
+# Units of time, each in seconds.
 _UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
 # Numbers outside these bounds are written with an exponent.
 _PLAIN_FROM = Decimal("1e-3")

@@ -21,22 +21,22 @@ T = TypeVar("T")
 # ones do not take minutes.
 MOST_RUNS = 5
 BUDGET = 1.0  # Seconds of all its runs.
-# Rounds of the loop of `sentinel`: some 0.7 ms for all of them, on a machine of 2026.
+# Rounds of the loop of `sentinel`: about 1 ms for all of them, on a machine of 2026.
 _SENTINEL_ROUNDS = 20_000
 # Loops of which the shortest counts: an interrupt lengthens one of them.
 _SENTINEL_LOOPS = 3
 # A machine is steady while the sentinel takes at most this many times its quickest.
-_NEAR = 1.15
+_MAX_STEADY_RATIO = 1.15
 _PAUSE = 0.02  # Seconds before an unsteady machine is looked at again.
-# A time is disturbed if the sentinel beside it took more than BUSY times its quickest. It is
-# disturbed too if the fastest run had the processor for less than the share HAD of its time.
-BUSY = 1.5
+# A time is disturbed if the sentinel beside it took more than this many times its quickest.
+MAX_SENTINEL_RATIO = 1.5
+# A time is disturbed too if the fastest run had the processor for less than this share of its wall time.
+MIN_PROCESSOR_SHARE = 0.9
 _JUDGED_FROM = 1e-3  # Seconds: the processor's share of a shorter run is not judged.
-HAD = 0.9  # Share of the wall time of a run.
-# A run is repeated if its limit stopped it while it lacked the processor: the limit is meant for the
+# A run is repeated if its limit stopped it while it lacked the processor. The limit is meant for the
 # solver, not for a busy machine.
-AGAIN = 2  # Repetitions at most.
-_MORE = 1.5  # Factor on the time limit of a repetition.
+MAX_REPETITIONS = 2
+_LIMIT_FACTOR = 1.5  # Factor on the time limit of a repetition.
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,8 @@ class Timing:
         """Whether even the fastest run had to wait for the processor."""
         if not self.processor or self.seconds < _JUDGED_FROM:
             return False
-        return self.processor[self.runs.index(self.seconds)] < HAD * self.seconds
+        processor = self.processor[self.runs.index(self.seconds)]
+        return processor < MIN_PROCESSOR_SHARE * self.seconds
 
 
 @contextmanager
@@ -120,15 +121,15 @@ def within(limit: float, run: Callable[[float], T], stopped: Callable[[T], bool]
     `run(limit)` gives the value, and `stopped(value)` whether the limit stopped the run.
     """
     # `had` is the time without waiting. A run that was stopped while it had to wait for the processor is
-    # run again. The new limit is the old one × wall/`had` × `_MORE`; `had` counts as at least limit/4, so that
-    # a run that hardly had the processor gets no limit without end.
+    # run again. The new limit is the old one × wall/`had` × `_LIMIT_FACTOR`. There `had` counts as at least
+    # limit/4, so that a run that hardly had the processor gets no limit without end.
     value, seconds, had = with_processor(lambda: run(limit))
-    for _ in range(AGAIN):
-        if not stopped(value) or had >= HAD * limit:
+    for _ in range(MAX_REPETITIONS):
+        if not stopped(value) or had >= MIN_PROCESSOR_SHARE * limit:
             break
-        longer = _MORE * limit * seconds / max(had, limit / 4)
+        longer = _LIMIT_FACTOR * limit * seconds / max(had, limit / 4)
         value, seconds, had = with_processor(lambda longer=longer: run(longer))
-    return value, stopped(value) and had < HAD * limit
+    return value, stopped(value) and had < MIN_PROCESSOR_SHARE * limit
 
 
 def time_runs(function: Callable[[], object]) -> Timing:
@@ -173,7 +174,7 @@ class Patience:
     def steady(self) -> float:
         """The sentinel's time, once it is near its quickest or patience has run out."""
         sentinel = self._look()
-        while sentinel > _NEAR * self._quickest and self._waited < self.share * (
+        while sentinel > _MAX_STEADY_RATIO * self._quickest and self._waited < self.share * (
             perf_counter() - self._began
         ):
             paused = perf_counter()
@@ -183,8 +184,8 @@ class Patience:
         return sentinel
 
     def busy(self, sentinel: float) -> bool:
-        """Whether the machine was so slow that a time says little."""
-        return sentinel > BUSY * self._quickest
+        """Whether the machine was so slow, by a time of the sentinel, that a time says little."""
+        return sentinel > MAX_SENTINEL_RATIO * self._quickest
 
     def _look(self) -> float:
         """The sentinel's time now, remembered if it is the quickest so far."""

@@ -22,13 +22,14 @@ from typing import Any
 
 # A call is killed after twice its limit and GRACE seconds more: a slow machine alone does not kill it.
 # Both are estimates: less kills calls that would have ended, more lets a call that hangs take longer.
-_LIMITS = 2
+_LIMITS = 2  # In units of the call's limit.
 GRACE = 0.5
 # Seconds that a process may take to start; an estimate: imports from a slow disk take seconds.
 _STARTUP = 120.0
-# Seconds, some 23 days: the system call `poll` takes at most 2^31 ms, or 25 days.
+# Longest wait for a reply, in seconds, some 23 days: the system call `poll` takes at most 2^31 ms, or 25 days.
 _LONGEST = 2e6
-# A call whose process is killed from outside this many times is given up; an estimate.
+# A call whose process is killed from outside this many times is given up. An estimate: more only make a
+# machine without memory try longer.
 ATTEMPTS = 3
 # Signals that no library sends to itself.
 _OUTSIDE = (signal.SIGKILL, signal.SIGTERM)

@@ -69,7 +69,7 @@ def processes(
     """`count` spawned processes on this machine, each fed by a thread here; they end when this process does.
 
     More processes than cores gain nothing. A process that takes twice `max_seconds` for a task is killed.
-    `ahead` tasks wait for each process; with 0 a task is taken when a process is free for it.
+    `ahead` tasks wait for each process. With 0 a task is taken when a process is free for it.
     """
     workers = [Worker() for _ in range(count)]
     idle: SimpleQueue[Worker] = SimpleQueue()

@@ -75,8 +75,8 @@ class Ensemble:
     """Many starts of one shape and Stokes number; raises ValueError if a value is out of range.
 
     The starts depend on `seed` and the block's index alone: neither on shape and St nor on who runs
-    what. A particle has arrived when its L and E, over the largest moment of inertia, stay up to
-    the end within `radius` of the motion on an attractor.
+    what. A particle has arrived when its L and E, over the largest moment of inertia, stay close to the
+    motion on an attractor: within `radius` of it up to the end.
     """
 
     ellipsoid: Ellipsoid
@@ -326,6 +326,7 @@ class Ensemble:
             return run_hybrid(self.any_scene, starts, times, self.tolerance, least_of(self), random)
         if (chosen := plan_of(self)) is not None:
             return run(self.problem, starts, times, self.tolerance, chosen)
+        # `TAYLOR` makes the error of a whole run a tolerance of a step.
         return run_batches(self.problem, starts, times, self.tolerance * TAYLOR)
 
     def _run_along_tracks(
@@ -352,7 +353,8 @@ class Ensemble:
         slow_then = np.empty((self.snapshots, n, 4))
         directions_then = np.empty((self.snapshots, n, len(axes), 3))
         rates_then = np.empty((self.snapshots, n, len(axes), len(RATES)))
-        # Whether each particle is close to an attractor at each sample.
+        # Whether each particle is close to an attractor at each sample: within its `reach`, that is `radius`
+        # beyond the motion on it.
         close = np.empty((len(self.attractors), n, samples), dtype=bool)
         at_once = 1 if self.along_tracks else max(1, _MAX_STATES_OBSERVED // samples)
         for first in range(0, n, at_once):

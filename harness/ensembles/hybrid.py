@@ -35,16 +35,17 @@ from polhode.solvers.solve import solve
 
 # Solver of particles that run one at a time.
 SOLVER = "cyrk-vern8"
-# Requested error times St from which on phases are drawn: the median error of averaging is some
-# 14/St.
-_OPEN = 10.0
+# Requested error times St from which on phases are drawn. An estimate: half of the triaxial bodies that stay
+# on one side of L² = 2EI₂ have an error of averaging below 15/St (reports/accuracy, "stays").
+_MIN_ERROR_TIMES_STOKES = 10.0
 # Particles that run both ways, some seconds of work. An estimate: the limit of |L| is known the better, the
 # more run.
 BOTH_WAYS = 64
 # Particles that they are chosen from, averaged in lanes at little cost. An estimate: 64 for each that runs
 # both ways, so that the smallest |L| of an ensemble are among them.
 POOL = 4096
-# Error of averaging over the error of the runs of form `hybrid` that it is judged by.
+# Requested error over that of the runs of form `hybrid` by which averaging is judged. An estimate: errors of
+# these runs shift the judgement by a tenth of the requested error at most.
 _JUDGED_OVER_JUDGE = 10
 # Of n equispaced shares s, the ranks s³ of the pool run both ways. An estimate: a larger power chooses more
 # particles of small |L|.
@@ -55,16 +56,16 @@ _MAX_WHOLE = 0.1
 _MAX_MISSED_SHARE = 0.025
 # Full equations last until |L| is this multiple of the least one that may be averaged. An estimate: without
 # it a particle near the limit would go to and fro.
-_CLEAR = 1.25
+_CLEAR_FACTOR = 1.25
 # Longest time, in inverse shear rates, for which full equations in lanes stand in for form `hybrid`. By
 # trial, full equations take as long to get there as one run of that form.
-FULL = 3e5
+MAX_FULL_TIME = 3e5
 # The allowed error of the whole state over the allowed error of L and E. By trial errors have a ratio of
 # thousands, as the phases add up the errors of L: 100 is on the safe side.
-_WHOLE = 100.0
+_WHOLE_OVER_SLOW = 100.0
 # Least number of times at which |L| is looked at, 64 intervals. An estimate: between them L is taken to move
 # on a straight line, and a smaller |L| on a bend goes unseen.
-PATH = 65
+MIN_PATH_TIMES = 65
 # The requested error over the tolerance of averaged equations: near L² = 2EI₂ they lose digits. An estimate:
 # their cost grows slowly with it.
 ERROR_OVER_TOLERANCE = 1e4
@@ -79,13 +80,13 @@ def least_momentum(scene: Scene, starts: Array, tolerance: float) -> float:
 
     `starts` are states of the full equations, shape (n, d); the start of `scene` is not used.
     """
-    if tolerance * scene.stokes < _OPEN:
+    if tolerance * scene.stokes < _MIN_ERROR_TIMES_STOKES:
         return inf
     # Averaged equations have no start at L = 0.
     momenta = find_form(full_form(scene)).observe(scene, starts).angular_momentum
     if not momenta.any(axis=1).all():
         return inf
-    times = np.linspace(0.0, scene.time, PATH)
+    times = np.linspace(0.0, scene.time, MIN_PATH_TIMES)
     path, _ = averaged(scene, starts, times, tolerance)
     least = least_between(scene, path).min(axis=0)
     count = len(starts)
@@ -151,8 +152,8 @@ def run_hybrid(
     if least == inf:
         return run_alone(scene, starts, times, tolerance)
     # |L| is looked at on `grid`: each interval of `times` has `every` of its intervals, the fewest that
-    # give it `PATH` times.
-    every = ceil((PATH - 1) / (len(times) - 1))
+    # give it `MIN_PATH_TIMES` times.
+    every = ceil((MIN_PATH_TIMES - 1) / (len(times) - 1))
     grid = np.linspace(0.0, times[-1], every * (len(times) - 1) + 1)
     path, statuses = averaged(scene, starts, grid, tolerance)
     states = np.concatenate([starts[None], posed(scene, starts, path[every::every], random)])
@@ -160,8 +161,8 @@ def run_hybrid(
     failed = statuses != str(Status.REACHED_END)
     small = np.flatnonzero(failed | (between.min(axis=0) < least))
     # The place in `grid` from which |L| is large again: behind the last interval in which it is not.
-    clear = len(between) - np.argmax((between[:, small] < _CLEAR * least)[::-1], axis=0)
-    soon = ~failed[small] & (clear < len(between)) & (grid[clear] <= FULL)
+    clear = len(between) - np.argmax((between[:, small] < _CLEAR_FACTOR * least)[::-1], axis=0)
+    soon = ~failed[small] & (clear < len(between)) & (grid[clear] <= MAX_FULL_TIME)
     # Particles that follow the full equations in lanes, and particles that form `hybrid` follows alone.
     lanes = small[soon]
     alone = small[~soon]
@@ -181,14 +182,18 @@ def run_hybrid(
 def run_full(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
     """States of the full equations, shape (m, n, d), and statuses, for an error of L and E of `tolerance`."""
     problem = find_form(full_form(scene)).problem(scene)
-    whole = min(_MAX_WHOLE, _WHOLE * tolerance)
+    whole = min(_MAX_WHOLE, _WHOLE_OVER_SLOW * tolerance)
+    # Without llvmlite no equal steps are compiled. `TAYLOR` makes the error of a whole run a tolerance of a step.
     if not installed("llvmlite"):
         return run_batches(problem, starts, times, whole * TAYLOR)
     return run(problem, starts, times, whole, unplanned(problem, starts, times, whole))
 
 
 def averaged(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
-    """States of the form averaged to first order, (m, n, 4), from full states, and statuses."""
+    """States of the form averaged to first order, shape (m, n, 4), from full starts, shape (n, d), and statuses.
+
+    `times`, shape (m,), are in inverse shear rates, and `tolerance` is the error of L and E over I_max.
+    """
     unit = max(scene.ellipsoid.inertia)
     # Any start does: `slow` replaces it.
     problem = find_form(averaged_form(scene)).problem(
@@ -201,6 +206,7 @@ def averaged(scene: Scene, starts: Array, times: Array, tolerance: float) -> tup
         axis = starts[:, 3:]
         spin = np.sum(momentum * axis, axis=1) / Spheroid.of(scene.ellipsoid).inertia_ratio
         slow = np.column_stack([momentum, spin])
+    # Averaged equations run in slow time, t/St.
     return run_adaptive(problem, slow, times / scene.stokes, tolerance / ERROR_OVER_TOLERANCE)
 
 
@@ -229,7 +235,10 @@ def least_between(scene: Scene, path: Array) -> Array:
 
 
 def posed(scene: Scene, starts: Array, slow: Array, random: np.random.Generator) -> Array:
-    """States of the full equations, shape (m, n, d), on the tori of averaged states, shape (m, n, 4), drawn evenly."""
+    """States of the full equations, shape (m, n, d), on the tori of averaged states, shape (m, n, 4), drawn evenly.
+
+    `starts` are full states at the start, shape (n, d).
+    """
     # A body that stays on its side of L² = 2EI₂ keeps the sense in which its polhode circles the
     # axis: `starts` say it.
     if scene.ellipsoid.kind == "triaxial":
@@ -245,7 +254,7 @@ def posed(scene: Scene, starts: Array, slow: Array, random: np.random.Generator)
 
 
 def _posed(ellipsoid: Ellipsoid, starts: Array, slow: Array, random: np.random.Generator) -> Array:
-    """Quaternions and angular velocities on polhodes (`eq:omg1`–`eq:omg3`), as states, shape (m, n, 7).
+    """Quaternions and angular velocities on polhodes (the paper's `eq:omg1`–`eq:omg3`), as states, shape (m, n, 7).
 
     `slow` has L and E, shape (m, n, 4). `starts` are full states at the start, shape (n, 7).
     """
@@ -292,8 +301,9 @@ def _senses(ellipsoid: Ellipsoid, starts: Array, h: Array, other_sense: Array) -
 def _on_polhode(ellipsoid: Ellipsoid, h: Array, phase: Array, half: Array, senses: Array) -> Array:
     """Direction z of L in body axes, shape (m, n, 3), with |z| = 1 and Σ z_i²/I_i = h = 2E/L².
 
-    `phase`, -1 to 1, is the place on half of a polhode, in units of K; the sign `half` chooses one of its
-    halves, which are images of each other. `senses` are signs of z along the axis that it circles.
+    `phase`, -1 to 1, is the place on half of a polhode, in units of K, the complete elliptic integral. The
+    sign `half` chooses one of its halves, which are images of each other. `senses` are signs of z along the
+    axis that it circles.
     """
     with IMPORTS:
         from scipy.special import ellipj, ellipkm1
@@ -301,12 +311,12 @@ def _on_polhode(ellipsoid: Ellipsoid, h: Array, phase: Array, half: Array, sense
     inertia = np.array(ellipsoid.inertia)
     longest_axis, middle, shortest_axis = ellipsoid.order
     longest = _circles_longest(ellipsoid, h)
-    # The axis that the polhode circles is the pole. h of rotations about the pole, and about the axis that
-    # is neither the pole nor the middle one.
+    # The axis that the polhode circles is the pole, and the far axis is neither that nor the middle one. These
+    # are h of rotations about the pole and about the far axis.
     near_limit = np.where(longest, 1 / inertia[longest_axis], 1 / inertia[shortest_axis])
     far_limit = np.where(longest, 1 / inertia[shortest_axis], 1 / inertia[longest_axis])
     rise = 1 / inertia[middle] - near_limit
-    # Largest values of z_i² along the middle axis, and along the one that `far_limit` belongs to.
+    # Largest values of z_i² along the middle axis, and along the far one.
     middle_square = np.clip((h - near_limit) / rise, 0, 1)
     far_square = rise / (far_limit - near_limit) * middle_square
     # 1 - k² of the elliptic functions, above 0 so that K is finite.
@@ -324,7 +334,7 @@ def _on_polhode(ellipsoid: Ellipsoid, h: Array, phase: Array, half: Array, sense
 def _carrying(z: Array, n: Array, angle: Array) -> Array:
     """Unit quaternions of rotations that carry z to n, unit vectors of shape (m, n, 3).
 
-    They form a circle, on which `angle`, shape (m, n), is the place:
+    They form a circle, on which `angle`, in rad and of shape (m, n), is the place. The quaternion is
     [cos(angle) (1 + z·n, z×n) + sin(angle) (0, z + n)] / √(2 (1 + z·n)).
     """
     one_plus_cosine = 1 + np.sum(z * n, axis=-1)
@@ -346,6 +356,7 @@ def run_alone(scene: Scene, starts: Array, times: Array, tolerance: float) -> tu
         solution = solve(
             replace(problem, start=tuple(start)),
             available_like(SOLVER),
+            # The solver's tolerance at which form `hybrid` is meant to keep that error.
             tolerance / ERROR_PER_TOLERANCE,
             times,
         )

@@ -15,9 +15,11 @@ from polhode.models.rotation import matrix_from_quaternion
 from polhode.models.shape import Ellipsoid
 
 Motion = Literal["rest", "fluid", "jeffery", "momentum", "momentum-isotropic"]
-"""How particles start: "fluid" turns with the fluid, in shear ω = -½ ẑ; "jeffery" as without inertia,
-ω = Ω_J; "momentum" has the given angular momentum, in space axes, "momentum-isotropic" one of its length
-in any direction."""
+"""How particles start.
+
+"fluid" turns with the fluid, in shear ω = -½ ẑ. "jeffery" turns as without inertia, ω = Ω_J. "momentum"
+has the given angular momentum, in space axes. "momentum-isotropic" has one of its length in any direction.
+"""
 
 
 def _either(value: Any, valid: Callable[[Any], Any]) -> Any:
@@ -25,6 +27,7 @@ def _either(value: Any, valid: Callable[[Any], Any]) -> Any:
     try:
         return valid(value)
     except ValidationError:
+        # The first 60 characters, an estimate, tell which value it is.
         raise ValueError(
             f"got {value!r:.60}, expected 'isotropic' or a quaternion, four finite numbers"
         ) from None
@@ -68,8 +71,8 @@ class Starts(Table):
     ) -> "Drawn":
         """Draw starts; the same seed gives the same orientations and directions whatever ellipsoid and flow.
 
-        `flow` holds the numbers of the flow at the start (`polhode.models.flow.Flow.numbers`), each
-        one for all particles or an array of one for each; by default it is simple shear.
+        `flow` holds the numbers of the flow at the start (`polhode.models.flow.Flow.numbers`). Each is one
+        for all particles, or an array with one for each. By default the flow is simple shear.
         """
         random = np.random.default_rng(seed)
         # Four standard normals, once normalised, make an isotropic orientation. They are drawn even if
@@ -123,8 +126,8 @@ class Drawn:
             return q
         if form == "quaternion":
             return np.column_stack([q, omega])
-        # L in space axes; the averaged forms and `spheroid-axis` have it over I_max or over the equatorial
-        # moment of inertia.
+        # L in space axes, shape (n, 3). `averaged` has L and E over I_max. `spheroid-axis` and
+        # `averaged-spheroid` have L over the equatorial moment of inertia, then the axis or the spin about it.
         rotation = matrix_from_quaternion(q)
         momentum = np.einsum("nij,ni->nj", rotation, omega * inertia)
         if form == "averaged":

@@ -128,8 +128,8 @@ class Statistics:
 
     def add_arrivals(self, attractor: int, close: np.ndarray) -> None:
         """Add particles by the first sample from which on they are close to an attractor; shape (M, n) of bool."""
-        # `staying` counts the samples at the end of the run at which a particle is close without a break:
-        # it arrived at the first of them. Reversed in time, the first sample that is not close ends the stay.
+        # `staying` counts the samples at which a particle is close without a break up to the end of the run.
+        # It arrived at the first of them. Reversed in time, the first sample that is not close ends the stay.
         samples = len(close)
         staying = np.where(np.all(close, axis=0), samples, np.argmin(close[::-1], axis=0))
         first = samples - staying[staying > 0]

@@ -93,8 +93,7 @@ def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float)
     with IMPORTS:
         from scipy.special import bdtrik
 
-    # `bdtrik` gives the number of arrivals, as a real number, that the binomial law of n particles exceeds
-    # with the other probability.
+    # bdtrik(p, n, share) is the k, made real, for which a binomial variable X of n trials has P(X ≤ k) = p.
     low = ceil(bdtrik(tail, n, share))
     high = ceil(bdtrik(1 - tail, n, share)) + 1
     earliest = order_statistic(low) if low > 0 else 0.0
@@ -159,7 +158,10 @@ def distribution_rows(ensemble: Ensemble, statistics: Statistics) -> Iterator[di
 
 
 def arrival_rows(ensemble: Ensemble, statistics: Statistics) -> Iterator[dict[str, object]]:
-    """Fraction arrived at each attractor, one row per sample."""
+    """Fraction arrived at each attractor, one row per sample.
+
+    An attractor's name is its `rotation`, the body axis along the vorticity.
+    """
     times = np.linspace(0.0, ensemble.time, ensemble.samples).tolist()
     for k, attractor in enumerate(ensemble.attractors):
         columns = {**ensemble_columns(ensemble), "attractor": attractor.rotation}

@@ -45,6 +45,7 @@ class SweepFlowTable(FlowTable):
 
     tracks: str | None = None
 
+    # Sets of keys, one of which is given.
     ways: ClassVar[tuple[str, ...]] = (*FlowTable.ways, "tracks")
 
     def flows(self, folder: Path) -> dict[str, Any]:
@@ -71,6 +72,7 @@ class SweepTable(Table):
     start: Starts = Starts()
     flow: SweepFlowTable | None = None
     equations: Equations | None = None
+    # From `ROUNDING` on: below it rounding makes the error, not the tolerance.
     tolerance: Annotated[float, Field(ge=ROUNDING, le=1)] | None = None
     # `Ensemble` checks their ranges.
     particles: int = Ensemble.particles
@@ -232,5 +234,6 @@ def _ensemble(
         and table.start.motion != "rest"
     ):
         with suppress(FormNotValidError):
+            # The file's tolerance is meant as an error: averaged equations keep it at a smaller one.
             return ensemble(equations="averaged", tolerance=tolerance / ERROR_OVER_TOLERANCE)
     return ensemble(equations=table.equations or "full", tolerance=tolerance)

@@ -2,8 +2,8 @@
 
 Throughput per core is measured in one process at a time; two processes are compared with one as
 wall time, at the end. The page is `reports/sweep/throughput.md`. "Lanes" are the slots of SIMD registers,
-in which particles run side by side; the "sentinel" is a fixed piece of arithmetic that shows how fast
-the machine is; "turns" of several functions run each of them once, one after the other.
+in which particles run side by side. The "sentinel" is a fixed piece of arithmetic that shows how fast
+the machine is. A "turn" of several functions runs each of them once, one after the other.
 """
 
 import json
@@ -41,10 +41,10 @@ SETTINGS = SimpleNamespace(
 )
 # Semi-axes by the words of the page: a triaxial ellipsoid and a prolate spheroid.
 SHAPES = {"1 : 0.8 : 0.5": Ellipsoid((1.0, 0.8, 0.5)), "1 : 1 : 2": Ellipsoid((1.0, 1.0, 2.0))}
-# Starts of all ensembles: |L| over I_max is 0.7, in any direction.
+# Starts of all ensembles: |L| over I_max is 0.7, an example, in any direction.
 _STARTS = Starts(motion="momentum-isotropic", angular_momentum=[0.0, 0.0, 0.7])
 # Seconds that the process may take whose memory is measured. An estimate: it takes minutes.
-_LIMIT = 3600.0
+_MEMORY_SECONDS = 3600.0
 # Particles of each measurement. Estimates: enough to fill all lanes (16 particles at most) many times, and few
 # enough that `polhode throughput` takes minutes.
 _FULL_PARTICLES = 2048
@@ -55,24 +55,27 @@ _MEMORY_TASKS = 10
 _TWO_PROCESSES_PARTICLES = 400_000
 _TWO_PROCESSES_BLOCK = 20_000
 # Tolerance of Taylor's method that gives a run to rounding.
-_EXACT = 1e-15
-# The first tolerance of Taylor's method that is tried, over the target: by far the loosest that may do, since a
-# tolerance is of a step. An estimate.
+_EXACT_TOLERANCE = 1e-15
+# The first tolerance of Taylor's method that is tried, over the target. An estimate: as a tolerance is of a
+# step, and errors of steps add up, a looser one will not do.
 _LOOSEST_TAYLOR = 10
 # Tolerances that are tried, each power of ten in eight parts, and so many in all, which is six powers of ten.
 # Estimates: finer steps find a rate a few per cent higher.
 _TOLERANCES_PER_DECADE = 8
 _TOLERANCES = 48
-# Long runs: times at which errors are looked at, t₂ at the end, and the requested error over that of the full
-# equations that show it.
-_LONG_SAMPLES = 51
+# Long runs: times at which errors are looked at, and t₂ at the end, as in the scenes of `polhode bench`.
+_LONG_SAMPLES = 51  # An estimate: errors are maxima over them.
 _LONG_SLOW_TIME = 0.5
+# The requested error of long runs over that of the full equations, which stand for the exact ones. An estimate:
+# errors are then known to 0.1 % of the requested one.
 _LONG_ERROR_OVER_EXACT = 1000
-# Parts in which samples of all particles are held: as in a task, not all at once.
-_PARTS = 5
+# Parts of the particles whose samples are held one after another, as in a task. An estimate: a part has 4000
+# particles, and a task holds some 3000 to 5000 at once (`ensemble._MAX_NUMBERS_HELD`).
+_SAMPLED_PARTS = 5
 # Share of the time that may be spent waiting for a steady machine (`polhode.harness.common.timing.Patience`).
+# An estimate: a larger one waits longer on a busy machine.
 _WAITING_SHARE = 0.5
-# Share of the turns that reach the rate called "slower".
+# Share of the turns that reach the rate called "slower": the upper quartile of their times.
 _MOST_TURNS = 0.75
 # Share of the particles whose error a row bounds, beside the median.
 _NEARLY_ALL = 0.99
@@ -146,7 +149,7 @@ def full_throughput(
         return run(problem, starts, times, tolerance, chosen)[0][-1]
 
     # Ends of the particles to rounding, from which errors of the whole state are taken.
-    exact = taylor(_EXACT)
+    exact = taylor(_EXACT_TOLERANCE)
 
     def errors(ends: np.ndarray) -> np.ndarray:
         return np.max(np.abs(ends - exact), axis=1)
@@ -181,6 +184,7 @@ def full_throughput(
         "taylor_slower_per_second": _of_most_turns(taylor_times, particles),
         "taylor_error": float(errors(taylor_ends).max()),
         "method": chosen.method,
+        # A plan has the steps of a segment. A run from start to end has the least number of segments.
         "steps": chosen.steps * MIN_SEGMENTS,
         "per_second": particles / min(equal_times),
         "slower_per_second": _of_most_turns(equal_times, particles),
@@ -261,7 +265,10 @@ def ensemble_throughput(name: str, equations: Any, particles: int = _PARTICLES) 
     random = np.random.default_rng(_SEED)
     (end, (states, _)), (sampled, _), (task, record) = _alternate(
         lambda: ensemble.states(starts, two, random),
-        lambda: [ensemble.states(part, samples, random) for part in np.array_split(starts, _PARTS)],
+        lambda: [
+            ensemble.states(part, samples, random)
+            for part in np.array_split(starts, _SAMPLED_PARTS)
+        ],
         lambda: run_task(Task(ensemble, 0)),
         rounds=SETTINGS.few_rounds,
     )
@@ -292,7 +299,7 @@ def memory(particles: int = _MEMORY_PARTICLES) -> dict[str, Any]:
         _ensemble(SHAPES["1 : 0.8 : 0.5"], "full", particles), block=particles // _MEMORY_TASKS
     )
     with Worker() as worker:
-        reply = worker.run(_run_all, ensemble, limit=_LIMIT)
+        reply = worker.run(_run_all, ensemble, limit=_MEMORY_SECONDS)
     return {
         "particles": particles,
         "bytes": reply.value,
@@ -342,7 +349,8 @@ def two_processes(particles: int = _TWO_PROCESSES_PARTICLES) -> dict[str, Any]:
 def _warm_seconds(workers: int, ensemble: Ensemble) -> float:
     """Seconds per task times the number of tasks, measured after each process has compiled."""
     tasks = list(ensemble.tasks())
-    # Tasks of other seeds, two for each process, by which all of them compile.
+    # Tasks of other seeds, two for each process, by which all of them compile. The time begins with the end of
+    # the last one.
     warm = [
         Task(replace(ensemble, seed=ensemble.seed + 1 + index), 0) for index in range(2 * workers)
     ]

@@ -29,7 +29,7 @@ from polhode.solvers.compile import compiled_callback
 from polhode.solvers.solve import Solution, solve
 from polhode.solvers.taylor import forget_integrators
 
-# Shear but for an entry A₂₁ of 1e-300, far below rounding: it is not recognised as shear, so that the
+# Shear but for an entry A₂₁ of 1e-300, far below rounding. It is not recognised as shear, so that the
 # equations of any flow run.
 AS_SHEAR = Flow.planar(1e-300)
 # Forms that take any linear flow.
@@ -72,14 +72,14 @@ _COSTS = (
     ("paper", "jeffery", 0.0, _EXPLICIT),
 )
 
-# Planar flows A₁₂ = 1, A₂₁ = α, and aspect ratios of the spheroids in them. α = -1 is rotation, 0 shear,
-# 1 extension; spheroids align beyond an α that depends on the ratio. The values are estimates: they lie on
-# both sides of the threshold of each ratio.
+# Planar flows A₁₂ = 1, A₂₁ = α, and aspect ratios of the spheroids in them. The flow is rotation at α = -1,
+# shear at 0, extension at 1. Spheroids align beyond an α that depends on the ratio. The values are estimates: they
+# lie on both sides of the threshold of each ratio.
 _ALPHAS = (-0.9, -0.7, -0.5, -0.3, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
 _RATIOS = (0.25, 1.5, 2.0, 5.0)
 _ORBIT_TOLERANCE = 1e-14  # Of the solver: periods are compared to rounding.
-# Duration of the run that measures a period, over the period: three passages through a plane lie within it,
-# from any phase, as they are half a period apart.
+# Duration of the run that measures a period, over the period. Three passages through a plane lie within 1.5
+# periods from any phase, as they are half a period apart. The rest is on the safe side.
 _PERIODS = 1.6
 # Time, in inverse shear rates, in which an axis aligns to rounding, if the flow makes it align. An
 # estimate: the tables show how closely axes align by then.
@@ -90,14 +90,15 @@ _EXTENDED_RATIOS = ((3.0, "along"), (0.3, "across"))
 _EXTENDED_STOKES = (0.0, 0.5, 5.0)
 _EXTENDED_TOLERANCE = 1e-13
 
-# Durations of runs along tracks, in inverse shear rates, and the numbers of intervals between knots tried in
-# them, which the tables call knots: for the order of the spline, and for the cost of a knot. Estimates.
+# Runs along tracks that show the order of the spline. They have this duration, in inverse shear rates, and these
+# numbers of intervals between knots, which the tables call knots. Estimates.
 TRACK_TIME = 20.0
-# Equal steps of the run in long double in that time, and tolerance of the other runs: the errors of both lie far
-# below those of the splines. Estimates.
+_KNOTS = (10, 20, 40, 80, 160, 320)
+# Equal steps of the run in long double in that time, and the tolerance of the other runs. Estimates: the errors of
+# both lie far below those of the splines.
 _TRACK_STEPS = 200
 _TRACK_TOLERANCE = 1e-15
-_KNOTS = (10, 20, 40, 80, 160, 320)
+# The same for runs that show the cost of a knot. Estimates.
 LONG_TRACK_TIME = 100.0
 _LONG_TRACK_KNOTS = (100, 300, 1000)
 # Solvers whose cost of a knot is measured.
@@ -120,7 +121,7 @@ _RUN_TIMES = (0.2, 1.0)
 _RUN_DAMPING_DECADES = (-2, 0.5)
 # θ₀ in rad: it keeps away from 0 and π, where Euler angles are singular.
 _RUN_THETAS = (0.3, 2.8)
-_FULL_TURN = 6.28  # Largest φ₀ and ψ₀ in rad.
+_FULL_TURN = 6.28  # Largest φ₀ and ψ₀ in rad, 2π in three digits.
 # Size of the fluctuation of a track over the size of the flow that it fluctuates about.
 _RUN_FLUCTUATION = 0.5
 # Decades of the errors that are requested, of L and E over I_max: from near rounding to what is of use.
@@ -274,7 +275,7 @@ def _from_eigenvector(scene: Scene, ratio: float) -> float:
     """Angle in rad between the axis at the end and the eigenvector of O + B S that grows fastest.
 
     O and S are the antisymmetric and the symmetric part of the gradient A. Without inertia the axis has the
-    direction of a vector q with dq/dt = (O + B S) q, which turns to the eigenvector that grows fastest. The
+    direction of a vector q with dq/dt = (O + B S) q. It turns to the eigenvector that grows fastest. The
     angle is taken as its sine.
     """
     assert scene.flow is not None

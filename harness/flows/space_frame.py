@@ -4,8 +4,8 @@ Nothing else of the package is used, so that the equations do not share its mist
 definitions. Each body axis turns with ω, and L changes by the torque -8π X_i (ω_i - ω_iJ). The
 gradient in body axes, G = R A Rᵀ, gives ω₁J = (b² G₃₂ - c² G₂₃)/(b² + c²) and cyclic. Many bodies run side by side.
 
-R has the body axes as its rows t_i; a, b, c are the semi-axes, A the gradient of the flow's velocity,
-X_i the rotational resistance, ω_J Jeffery's angular velocity. A state of n bodies has the shape
+R has the body axes as its rows t_i. The semi-axes are a, b and c, A is the gradient of the flow's
+velocity, X_i the rotational resistance, and ω_J Jeffery's angular velocity. A state of n bodies has the shape
 (n, 4, 3): three body axes, then L, all in space axes. Time is in inverse shear rates. `docs/flows.md`
 says what is compared with this integration.
 """
@@ -16,8 +16,8 @@ import numpy as np
 
 Array = np.ndarray
 
-# Columns of the extrapolation, whose order is twice that, 16. At that order the errors of steps that turn a
-# body by at most a twentieth of a turn are no larger than rounding; an estimate.
+# Columns of the extrapolation, whose order is twice that, 16. An estimate: steps that
+# turn a body by a twentieth of a turn at most then err by no more than rounding.
 _COLUMNS = 8
 
 
@@ -104,10 +104,10 @@ def _step(
 ) -> Array:
     """One step by the modified midpoint rule, extrapolated to substeps of length 0 (Gragg, Bulirsch, Stoer).
 
-    Row j of the table has the rule with 2j substeps first, then extrapolations with the rows before:
-    the error of the rule is a series in the square of the substep. `number` is the step's, from 0 on, and
-    `length` has the steps of all bodies, shape (n,). Hairer, Nørsett and Wanner, *Solving Ordinary
-    Differential Equations I*, section II.9, derive it.
+    Row j of the table has the rule with 2j substeps first, then extrapolations with the rows before.
+    They rest on the rule's error, which is a series in the square of the substep. `number` is the step's,
+    from 0 on, and `length` has the steps of all bodies, shape (n,). Hairer, Nørsett and Wanner, *Solving
+    Ordinary Differential Equations I*, section II.9, derive it.
     """
     time = number * length
 

@@ -119,7 +119,7 @@ def test_particles_of_small_momentum_follow_the_full_equations(monkeypatch: pyte
     )
     assert slow == pytest.approx(true, abs=5e-5)
     # Where this would take longer than form `hybrid`, it is left to that.
-    monkeypatch.setattr(hybrid, "FULL", 0.0)
+    monkeypatch.setattr(hybrid, "MAX_FULL_TIME", 0.0)
     monkeypatch.setattr(
         hybrid,
         "run_alone",
@@ -135,7 +135,7 @@ def test_momentum_is_followed_between_the_times():
     starts = drawn.states("spheroid-axis", PROLATE)
     path, fine = (
         hybrid.averaged(scene, starts, np.linspace(0, scene.time, count), 1e-4)[0]
-        for count in (hybrid.PATH, 1601)
+        for count in (hybrid.MIN_PATH_TIMES, 1601)
     )
     exact = np.linalg.norm(fine[..., :3], axis=2)
     found = hybrid.least_between(scene, path)
@@ -149,7 +149,9 @@ def test_the_least_momentum_parts_those_that_keep_the_error_from_those_that_miss
 ):
     scene, drawn = drawn_of(PROLATE, 400)
     starts, random = drawn.states("spheroid-axis", PROLATE), np.random.default_rng(1)
-    path, _ = hybrid.averaged(scene, starts, np.linspace(0, scene.time, hybrid.PATH), 1e-4)
+    path, _ = hybrid.averaged(
+        scene, starts, np.linspace(0, scene.time, hybrid.MIN_PATH_TIMES), 1e-4
+    )
     least = hybrid.least_between(scene, path).min(axis=0)
     by_size = np.append(np.sort(least), inf)
 
