@@ -316,7 +316,10 @@ def _validate_parts(out: Path, scenes: int, seed: int, resume: bool, quiet: bool
 def _validate_errors(
     out: Path, scenes: int, seed: int, fit: bool, resume: bool, quiet: bool
 ) -> None:
-    """Count how many stated errors hold, by kind of confirmation, or fit their factors."""
+    """Count how many stated errors hold, by kind of confirmation, or fit their factors.
+
+    `scenes` is the number of scenes of each sort, which `polhode.harness.answers.coverage` draws.
+    """
     from polhode.harness.answers.coverage import fitted, save, study
     from polhode.harness.pages.stated import write_page
 

@@ -150,7 +150,7 @@ def solve(
 
 def _check_track(planned: "Plan", restart: Path | None) -> None:
     """ValueError unless a track goes on for another run, where `--restart` writes that."""
-    # A track is a flow that changes along the way.
+    # A track is a flow that changes along the way. The run that goes on lasts as long as this one.
     flow = planned.scene.flow
     end = 2 * planned.scene.time
     if restart and flow is not None and not flow.covers(end):
