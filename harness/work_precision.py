@@ -162,6 +162,7 @@ class WorkPrecision:
     ) -> None:
         if not (isinstance(problem, Problem) or (over and callable(problem))):
             expected = "expected a Problem: Problem.from_function(f, y0, t_end), or a form's"
+            # Messages show the first 60 characters of what was given.
             raise ValueError(f"problem: got {problem!r:.60}, {expected}")
         check_samples(samples)
         values = [*tolerances] if np.iterable(tolerances) else []

@@ -200,6 +200,7 @@ class Flow:
 
 def _listed(given: Any) -> list[Any]:
     """The items of a sequence; ValueError for anything else."""
+    # Messages here and below show the first 60 characters of what was given.
     try:
         return list(given)
     except TypeError:

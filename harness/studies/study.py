@@ -110,13 +110,25 @@ class Study:
                 )
                 accepted = [name for name in solver_names if find_solver(name).takes(problem)]
                 for tolerance in sorted(self.tolerances, reverse=True):
-                    limits = tolerance, self.samples, choice.max_seconds or self.max_seconds
-                    settings = tuple(choice.tags), self.reference_seconds, self.counted
                     cases = []
                     for solver_name in accepted:
-                        method = scene_name, scene, form_name, solver_name
-                        pairs = self._compilations(solver_name)
-                        cases += [Case(*method, *limits, *pair, *settings) for pair in pairs]
+                        cases += [
+                            Case(
+                                scene_name=scene_name,
+                                scene=scene,
+                                form=form_name,
+                                solver=solver_name,
+                                tolerance=tolerance,
+                                samples=self.samples,
+                                max_seconds=choice.max_seconds or self.max_seconds,
+                                backend=backend,
+                                jacobian=jacobian,
+                                tags=tuple(choice.tags),
+                                reference_seconds=self.reference_seconds,
+                                counted=self.counted,
+                            )
+                            for backend, jacobian in self._compilations(solver_name)
+                        ]
                     yield cases
 
     def choice(self, scene_name: str, scene: Scene) -> Choice:

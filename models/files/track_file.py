@@ -29,6 +29,7 @@ def read_track(path: Path) -> Flow:
     rows = [row for row in csv.reader(text.splitlines()) if row]
     header = [name.strip() for name in rows[0]] if rows else []
     if header != TRACK_COLUMNS:
+        # Messages show the first 60 characters of a row.
         got = ",".join(header)
         expected = ",".join(TRACK_COLUMNS)
         raise ValueError(f"flow.track: {path}: got the columns {got:.60}, expected {expected}")
