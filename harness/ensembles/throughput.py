@@ -47,12 +47,13 @@ _STARTS = Starts(motion="momentum-isotropic", angular_momentum=[0.0, 0.0, 0.7])
 _MEMORY_SECONDS = 3600.0
 # Particles of each measurement. Estimates: enough to fill all lanes (16 particles at most) many times, and few
 # enough that `polhode throughput` takes minutes.
-_FULL_PARTICLES = 2048
-_PARTICLES = 20_000
+_FULL_PARTICLES = 2048  # Of `full_throughput`.
+_PARTICLES = 20_000  # Of long runs, and of whole ensembles.
 _MEMORY_PARTICLES = 100_000
 # Tasks into which the particles are divided whose memory is measured: it must not grow from task to task.
 _MEMORY_TASKS = 10
 _TWO_PROCESSES_PARTICLES = 400_000
+# Particles of each of its tasks. An estimate: with 20 tasks two processes end at about the same time.
 _TWO_PROCESSES_BLOCK = 20_000
 # Tolerance of Taylor's method that gives a run to rounding.
 _EXACT_TOLERANCE = 1e-15
