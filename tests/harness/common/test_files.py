@@ -63,7 +63,7 @@ def test_a_file_whose_checksum_cannot_be_kept_is_not_replaced(
 
     write_file(tmp_path / "a.csv", "old", summed=True)
     (tmp_path / "a.csv.partial").write_text("of another run")
-    monkeypatch.setattr(files, "_expect", full)
+    monkeypatch.setattr(files, "_keep_checksum", full)
     with pytest.raises(OSError, match="No space left"):
         write_file(tmp_path / "a.csv", "new", summed=True)
     assert read_file(tmp_path / "a.csv") == b"old"
