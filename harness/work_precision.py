@@ -75,8 +75,8 @@ _PLAIN_PYTHON = "plain Python"
 # An error above this share of the state's size is no accuracy: it is not known, and the run no success.
 # An estimate: from 0.1 on, an error no longer falls in proportion to the tolerance.
 _NO_ACCURACY = 0.1
-# Uncertainty of a reference, in the measure of the errors, from which on it contradicts no run: a tenth
-# of `_NO_ACCURACY`, the error that it would have to judge.
+# Uncertainty of a reference, in the measure of the errors, from which on it contradicts no run. It is a tenth
+# of `_NO_ACCURACY`, the error that the reference would have to judge.
 _UNSURE_REFERENCE = 0.01
 # Seconds after which a run stops that is only to be prepared: it stops at its first step.
 _NO_SECONDS = 1e-9
@@ -657,8 +657,9 @@ def run_problems(
     cases_by_key = {digest(case): case for case in cases}
     stored_keys = store.keys()
     all_rows = []
-    # Seconds of a case: compilation, and for each tolerance the first run and those that are timed, the last
-    # of which may begin just before their budget is spent. The worker is killed at twice the sum.
+    # Seconds of a case: compilation, and for each tolerance the first run and those that are timed. The last of
+    # these may begin just before their budget is spent: hence twice the budget. The worker is killed at twice
+    # the sum.
     limit = COMPILATION + len(settings["tolerances"]) * (settings["max_seconds"] + 2 * BUDGET)
     progress = Steps("problems", len(cases_by_key), "cases", quiet)
     with Worker() as worker, progress:

@@ -1,8 +1,8 @@
 """The ambient flow, and how it turns a body: Jeffery's angular velocity, and the power of its torque.
 
-Simple shear u = y x̂ has equations of its own (`jw1`–`jw3`). Any other linear flow has eight numbers:
-half its vorticity h₁, h₂, h₃, and its rate of strain S₁₁, S₂₂, S₂₃, S₃₁, S₁₂, in space axes, with S₃₃
-subtracted from the diagonal: a multiple of the unit matrix turns nothing.
+Simple shear u = y x̂ has equations of its own (`jw1`–`jw3`). Any other linear flow has eight numbers, in
+space axes: half its vorticity h₁, h₂, h₃, and its rate of strain S₁₁, S₂₂, S₂₃, S₃₁, S₁₂. S₃₃ is subtracted
+from the diagonal, as a multiple of the unit matrix turns nothing.
 
 `docs/flows.md` has the equations. Labels such as `jw1` are those of the paper's LaTeX source;
 `docs/misprints.md` says what those formulas should read. t_ij is component j, in space, of body axis i.
@@ -91,9 +91,9 @@ class Flow:
     def track(cls, times: Any, gradients: Any) -> "Flow":
         """The flow along a particle's path: gradients, shape (n, 3, 3), at n increasing times.
 
-        Between the times, the knots, it is the cubic spline through them: its error falls as the
-        fourth power of their distance, and its second derivative is continuous. Raises ValueError if
-        the numbers of times and gradients differ, or some of them are no track's.
+        Between the times, the knots, it is the cubic spline through them. Its error falls as the fourth
+        power of their distance, and its second derivative is continuous. Raises ValueError if the
+        numbers of times and gradients differ, or some of them are no track's.
         """
         knots = _checked_knots(times)
         gradients = _listed(gradients)

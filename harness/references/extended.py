@@ -22,8 +22,8 @@ ROUNDING_RUN: Run = ("long double", 1e-17)
 # Both are estimates.
 _MAX_SLOW_STEPS = 200_000
 _MAX_STEPS = 50_000_000
-# Without heyoka two unlike methods stand for the runs in extended precision: the first two kinds that reach the
-# end, of Runge-Kutta pairs, Adams' multistep formulas, collocation and backward differences.
+# Without heyoka two unlike methods stand for the runs in extended precision. The kinds are tried in this order
+# until two reach the end: Runge-Kutta pairs, Adams' multistep formulas, collocation, backward differences.
 _UNLIKE = (
     ("cyrk-vern8", "dop853"),
     ("cvode-adams", "cyrk-lsoda", "lsoda"),

@@ -39,17 +39,17 @@ from polhode.solvers.contract import Status
 from polhode.solvers.solve import solve
 from polhode.solvers.taylor import extends_precision
 
-# Tight and loose run, each with its precision and tolerance: 1e-19 is an ulp of long double, and a tight run's
+# Tight and loose run, each with its precision and tolerance. An ulp of long double is 1e-19; a tight run's
 # tolerance is a hundredth of the loose run's or less. Their difference, times the safety factor, is the
 # reference's own uncertainty. The factor is an estimate, on the safe side: the tighter run errs less than the
 # looser.
 _QUADRUPLE: tuple[Run, Run] = (("quadruple", 1e-22), ("long double", 1e-19))
 LONG_DOUBLE: tuple[Run, Run] = (("long double", 1e-19), ("long double", 1e-17))
 SAFETY = 10.0
-# Largest costs of a run up to which quadruple precision is used, some 40 times as slow, and up to which two
-# moved starts are used instead of one. The unit of a cost is an inverse shear rate of an ordinary run: it is
-# the scene's time, and more where rotation is fast or where stability limits the step. Both are estimates:
-# twice as large ones make the longest runs take twice as long.
+# Up to the first cost of a run quadruple precision is used, some 40 times as slow, and up to the second one two
+# moved starts instead of one. A cost is the scene's time, in inverse shear rates, and more where rotation is
+# fast or stability limits the step. Both are estimates: twice as large ones make the longest runs take twice as
+# long.
 QUADRUPLE_UP_TO_COST = 5000.0
 _TWO_MOVED_UP_TO_COST = 2e5
 # Length of Taylor's interval of stability on the negative real axis: 9.2 at order 21, of tolerance 1e-17, 9.9 at
@@ -58,7 +58,7 @@ _STABLE = 8.0
 # Angular velocity, in shear rates, up to which T alone tells the cost; an estimate.
 _ORDINARY = 3.0
 # Up to this St a run of any duration has extended precision. Above it runs may be so long that they would take
-# hours: there longer ones than `EXTENDED_TIME`, in inverse shear rates, are known in double precision alone,
+# hours. There runs longer than `EXTENDED_TIME`, in inverse shear rates, are known in double precision alone,
 # and those beyond `_HORIZON` not at all. All three are estimates, which bound the time that a reference takes.
 EXTENDED_UP_TO_STOKES = 1e6
 EXTENDED_TIME = 5e6
@@ -68,8 +68,8 @@ _ROUNDING_SEEDS = (1, 2)
 # Distance from which on a reference is examined for chaos: of moved runs, or of two unlike methods. Its unit is
 # rad, or for L and E the largest of I_max, |L| and E. An estimate.
 _SUSPICIOUS = 1e-9
-# Numbers of rotations up to which a run in limited time has extended precision, and up to which it is known at
-# all, by two methods in double precision. Both are estimates, which bound the time.
+# Up to the first number of rotations a run in limited time has extended precision. Up to the second one it is
+# known by two methods in double precision, beyond it not at all. Both are estimates, which bound the time.
 EXTENDED_UP_TO_ROTATIONS = 2e4
 MOST_ROTATIONS = 2e5
 # Solver and tolerance of the first method in double precision, whose solution is the reference: for spheroids and
@@ -90,7 +90,7 @@ _ALIKE = 3.0
 APART = 1e-4
 # Most intervals in which the growth of small differences is followed; an estimate.
 _MOST_INTERVALS = 2000
-# Error, in rad or over I_max, that a method in double precision makes at the worst moment: where the motion is
+# Error, in rad or over I_max, that a method in double precision makes at the worst moment. Where the motion is
 # chaotic, trajectories mean something until it has grown too large. An estimate: growth is exponential, so that
 # with twice the error the time is hardly shorter.
 _DOUBLE_ERROR = 1e-13

@@ -40,9 +40,9 @@ LONGEST_STIFF = 5e3
 # Damping rate, in shear rates, from which an implicit method takes fewer steps than stability allows an
 # explicit one; an estimate.
 _STIFF_FROM = 30.0
-# Least |ω| √(St I/8πX). Where |ω| is below the shear rate its square is, in order of magnitude, the
-# angle that the body turns while the torque changes |ω| by as much as |ω| itself (section `DAC`).
-# Averages over a rotation need ω to change little in it. An estimate.
+# Least |ω| √(St I/8πX). Its square is an angle, in order of magnitude, where |ω| is below the shear rate: the
+# body turns by it while the torque changes |ω| by as much as |ω| itself (section `DAC`). Averages over a
+# rotation need ω to change little in it. An estimate.
 _SEPARATED = 1.5
 # From rest a body turns by some 100 rad within this multiple of √(St I/8πX). It is then so fast that
 # averages serve from there on. An estimate; whether they serve is checked there.
@@ -101,8 +101,8 @@ def is_stiff(scene: Scene, turns: float | None = None) -> bool:
 def rotations(scene: Scene) -> float:
     """Number of rotations N = ∫|ω| dt/2π of a scene, within two per cent, as the tests check.
 
-    From the averaged slow variables where they are valid and N is large, in milliseconds, else from
-    a loose run that integrates |ω| along, in some tenths of a second if it is long. In a chaotic
+    It follows from the averaged slow variables where they are valid and N is large, in milliseconds.
+    Else a loose run integrates |ω| along, in some tenths of a second if it is long. In a chaotic
     scene N is known no better than the scene itself. Raises ValueError if that run fails, or if the
     start has no orientation and the averaged equations do not apply.
     """

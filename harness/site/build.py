@@ -60,8 +60,8 @@ _CONFIG: dict[str, Any] = {
 }
 # Two regions of the theme's pages have no name by which a screen reader tells them apart.
 _LABELS = {"sidebar-drawer": "Pages", "toc-drawer": "On this page"}
-# Markup of every word, cell and link that no style or script of the site asks for, as a pattern and
-# what takes its place: pages become smaller.
+# Patterns of markup that no style or script of the site asks for, and what takes its place. Every word, cell
+# and link has some: pages become smaller.
 _SHORTER = {
     r'<span class="pre">([^<]*)</span>': r"\1",
     r"(<t[dh][^>]*>)<p>([^\n]*?)</p>\n?(?=</t[dh]>)": r"\1\2",

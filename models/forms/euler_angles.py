@@ -23,8 +23,8 @@ from polhode.models.rotation import (
 )
 from polhode.models.scene import EulerStart, Scene
 
-# A passage at this distance costs 1e-10 rad (median of random tops), at most 1e-9, whatever the
-# tolerance.
+# Least |sin θ|. A passage at this distance costs some 1e-10 rad (median of random tops), at worst some 1e-9,
+# whatever the tolerance: a limit ten times as large would refuse more runs, a smaller one lose more digits.
 POLE_LIMIT = 1e-5
 IN_WORDS = np.format_float_scientific(POLE_LIMIT, exp_digits=1, trim="-")
 
@@ -134,7 +134,7 @@ class EulerAngles(Form):
     Rounding then costs about 1e-15/δ rad, the median of torque-free tops, and at worst twenty times
     as much. Smaller steps do not help: the error is in the state. Nothing shows the error
     afterwards: with viscous torque neither L nor E is conserved. Hence the vector field itself ends
-    at |sin θ| = `POLE_LIMIT`: there it is NaN, and every solver stops with a failure (`non_finite` or
+    at |sin θ| = `POLE_LIMIT`, where it is NaN. Every solver stops there with a failure (`non_finite` or
     `step_underflow`) instead of going on with digits lost. A run at a tolerance looser than the limit
     may step over it, and is then wrong by its tolerance anyway.
     """

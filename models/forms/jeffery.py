@@ -84,8 +84,8 @@ class JefferyOrbit:
     """Jeffery orbit of a spheroid in closed form, spin included.
 
     The symmetry axis follows a spherical ellipse (`phitraj`, and `thetraj` with the exponent 1/2):
-    p̂ ∝ (-s κ sin τ, -s cos τ, z) with τ = τ₀ + t/(κ + 1/κ); s/z is the orbit constant. The spin
-    angle obeys ψ̇ = ½ Λ cos θ cos 2φ, an elliptic integral of the third kind in τ, here in
+    p̂ ∝ (-s κ sin τ, -s cos τ, z) with τ = τ₀ + t/(κ + 1/κ). s/z is the orbit constant. The spin
+    angle obeys ψ̇ = ½ Λ cos θ cos 2φ. It is an elliptic integral of the third kind in τ, here in
     Carlson's form (DLMF 19.25.5, 19.25.14).
     """
 

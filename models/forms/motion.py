@@ -44,8 +44,8 @@ def parameters_of(scene: Scene) -> tuple[float, ...]:
 class AlongTrack:
     """The factory of a field along a track: time is the state's last component.
 
-    The last parameters of `field`, the flow's numbers, are cubics of the time since the last one;
-    their coefficients and that time, 33 numbers, stand in their place.
+    The last parameters of `field`, the flow's eight numbers, are cubics of the time since the last
+    knot of the track. Their 32 coefficients and the knot's time stand in their place.
     """
 
     field: Factory
@@ -179,8 +179,8 @@ def directions(ops: Operations) -> Callable:
     """Flow and gradient directions in body axes, (t₁₁, t₂₁, t₃₁) and (t₁₂, t₂₂, t₃₂), of a quaternion of any norm."""
     # Divided by |q|², so that the norm, which solvers let drift, does not enter the torque. At
     # loose tolerances over long runs this divides the errors by 10 to 100 and keeps runs from
-    # blowing up that otherwise do; a term that restores the norm does no better, costs a third more
-    # and bounds the step (paper's ellipsoid, St = 1e4 and 1e5).
+    # blowing up that otherwise do (paper's ellipsoid, St = 1e4 and 1e5). A term that restores the
+    # norm does no better there, costs a third more and bounds the step.
 
     def of(q0, q1, q2, q3):
         scale = 1 / (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)

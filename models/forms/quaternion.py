@@ -53,10 +53,10 @@ class Quaternion(Form):
 
     Solvers let the norm drift, by up to 1e-2 in |q|² over 10⁴ time units at tolerance 1e-6 (LSODA,
     RK45). The field divides it out of the torque (`polhode.models.forms.motion`), and `observe` out
-    of the result. A term k(1 - |q|²)q beside that was tried at St = 1e2, 1e4 and 1e6: k = 0.1 takes
-    the drift down to 1e-5 and leaves the errors of L, E and orientation where they were, up or down
-    by a factor of two; k = 1 and 10 cost up to forty times the steps, as a tighter tolerance would.
-    Hence there is none, and the norm is only watched, as an invariant.
+    of the result. A term k(1 - |q|²)q beside that was tried at St = 1e2, 1e4 and 1e6. k = 0.1 takes
+    the drift down to 1e-5 and changes the errors of L, E and orientation by factors of two, up or
+    down. k = 1 and 10 cost up to forty times the steps, as a tighter tolerance would. Hence there is
+    none, and the norm is only watched, as an invariant.
     """
 
     name = "quaternion"

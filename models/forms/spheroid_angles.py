@@ -124,8 +124,8 @@ class SpheroidAngles(Form):
     """State (θ, φ, θ̇, φ̇, ω₃) of the symmetry axis, whichever body axis it is.
 
     The spin angle ψ says nothing about a spheroid and is left out. The state has ω₃ = ψ̇ + φ̇ cos θ
-    in place of ψ̇: its equation `fpsso` is regular at θ = 0 and π, the equation of ψ̇ is not. Near θ = 0 and π the
-    form ends as `EulerAngles` does.
+    in place of ψ̇. The equation of ω₃, `fpsso`, is regular at θ = 0 and π, the equation of ψ̇ is not.
+    Near θ = 0 and π the form ends as `EulerAngles` does.
     """
 
     name = "spheroid-angles"

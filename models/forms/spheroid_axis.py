@@ -33,9 +33,9 @@ def _field(ops: Operations, slip: Factory) -> Field:
     # Mass alpha stands on L and appears nowhere else: torque-free, L is constant. With ω = L/I_e +
     # (1/I_a - 1/I_e)(L·p̂)p̂ and w = ω - Ω_J the torque is -8π(Y_c w + (X_c - Y_c)(w·p̂)p̂). The
     # state holds L/I_e, of order one like p̂ whatever the shape, so that one tolerance suits both.
-    # Products of two components of p̂ are divided by |p̂|², which solvers let drift: over 10⁴ time
-    # units at St = 100 and tolerance 1e-6 (kappa = 2; RK45, LSODA, DOP853) this takes the error of
-    # L and E from 0.1 and more to 1e-3; a term that restores the norm does no better.
+    # Products of two components of p̂ are divided by |p̂|², which solvers let drift. This takes the
+    # error of L and E from 0.1 and more to 1e-3 over 10⁴ time units at St = 100, kappa = 2 and
+    # tolerance 1e-6, by RK45, LSODA and DOP853. A term that restores the norm does no better.
     slip_of = ops.use(slip)
 
     def rhs(y, p):
@@ -126,8 +126,8 @@ def field_in_any_flow(ops: Operations) -> Field:
 # Largest angle of `rotation`, in rad: half a turn, and a little more, which reaches every moment from the nearest
 # whole turn. The polynomials below are made for it; with a larger one they would need more terms.
 _REACH = 3.4
-# sin θ/θ and (1 - cos θ)/θ² as polynomials of x = θ², lowest power first, nearest to them for
-# 0 <= x <= _REACH²: within 2.2e-16 there. They are close to Taylor's, 1/(2k + 1)! and 1/(2k + 2)!
+# sin θ/θ and (1 - cos θ)/θ² as polynomials of x = θ², lowest power first. They are the nearest ones for
+# 0 <= x <= _REACH², within 2.2e-16 there. They are close to Taylor's, 1/(2k + 1)! and 1/(2k + 2)!
 # with signs that alternate.
 _SINE = (
     1.0,
@@ -205,9 +205,11 @@ def rotation(ops: Operations) -> Field:
 def relaxation_constants(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, ...]:
     """Constants of `relaxation`, from the shares of its way that L goes along and across p̂ in a time h.
 
-    In their order: the share across; half of it, with which L_z relaxes to -½; half Λ times it, of
-    the strain; the share across less the one along, of L·p̂; then three of p_z: half of what Ω_J·p̂
-    counts less along p̂ than across, and this less and plus the strain's.
+    c[0], c[1]   the share across p̂; half of it, with which L_z relaxes to -½
+    c[2]         Λ/2 times the share across, of the strain
+    c[3]         the share across less the share along p̂, of L·p̂
+    c[4]         half of how much less Ω_J·p̂ counts along p̂ than across, of p_z
+    c[5], c[6]   the same, less and plus c[2], for the x and y components
     """
     across, along, to_axial_spin = _relaxed(p, h, ops)
     strain = 0.5 * p[5] * across
@@ -228,9 +230,9 @@ def _relaxed(p: Any, h: Any, ops: Operations) -> tuple[Any, Any, Any]:
 
 def relaxation(ops: Operations) -> Callable[..., tuple[Any, ...]]:
     """Exact flow of dL/dt of `field` at fixed p̂, |p̂| = 1, with mass 1 on L."""
-    # Across p̂, L/I_e relaxes at the rate βY = 8πY_c/(St I_e) towards the part of Ω_J across p̂;
-    # along p̂ at the rate 8πX_c/(St I_a) towards (I_a/I_e) Ω_J·p̂, where Ω_J·p̂ = -p_z/2: there the
-    # spheroid rotates with the flow. With the shares a across and b along p̂, L gains
+    # Across p̂, L/I_e relaxes at the rate βY = 8πY_c/(St I_e) towards the part of Ω_J across p̂. Along
+    # p̂ it relaxes at the rate 8πX_c/(St I_a) towards (I_a/I_e) Ω_J·p̂, where the spheroid rotates with
+    # the flow: Ω_J·p̂ = -p_z/2. With the shares a across and b along p̂, L gains
     #
     #     a (Ω_J - L) + [(a - b) L·p̂ + (b I_a/I_e - a) Ω_J·p̂] p̂.
     #

@@ -22,7 +22,7 @@ _PLANAR = 1e-14
 def field(ops: Operations) -> Field:
     """Rates of (φ, φ̇); p = (alpha, beta, 8πX_k/I_k, δ), with δ = (l_i² - l_j²)/(l_i² + l_j²) (`ultima`, `jw1`–`jw3`).
 
-    Body axis k is along z; φ is the angle from the flow to the in-plane axis i, and Jeffery's rate
+    Body axis k is along z, and φ is the angle from the flow to the in-plane axis i. Jeffery's rate
     -(1 - δ cos 2φ)/2 does not depend on the length along z.
     """
     cos = ops.cos

@@ -16,8 +16,8 @@ LongArray = NDArray[np.longdouble]
 PI = Long("3.14159265358979323846264338327950288")
 # Rounding of one long double, relative.
 LONG_EPSILON = np.finfo(Long).eps
-# The arithmetic-geometric means below converge quadratically: two numbers of this relative
-# difference d have a mean that is good to the last bit, as the next difference is d²/8.
+# The arithmetic-geometric means below converge quadratically: from a relative difference d the next one
+# is d²/8. Two numbers that differ by this share have a mean that is good to the last bit.
 _CLOSE = np.sqrt(LONG_EPSILON) / 8
 # Stands for a sine of 0 in `jacobi`: even the square of its reciprocal does not overflow.
 _TINY = np.finfo(Long).tiny ** Long(0.25)
@@ -144,8 +144,8 @@ def theta4_phase(u: LongArray, m: Long, m1: Long, n: Long) -> LongArray:
 
     It is the periodic part of the precession (`eq:prec1`).
     """
-    # The imaginary part is given by the characteristic −n ≤ 0 of the integral of the third kind
-    # whose periodic part this is: η = π(K'−w)/2K with cs(w | m1) = √n. The factors of the product
+    # This is the periodic part of an integral of the third kind. Its characteristic −n ≤ 0 gives the
+    # imaginary part: η = π(K'−w)/2K with cs(w | m1) = √n. The factors of the product
     # (DLMF §20.5(i)) each contribute one arctangent. Above m = 1/2 the factors of ϑ₂ in the
     # complementary nome serve instead (DLMF §20.7(viii)): a few factors are enough at any m. At
     # m1 = 0 this is arctan(√n tanh u). Both m and m1 are given to full relative accuracy; n is zero

@@ -28,7 +28,7 @@ class Polhode:
     """Constants of one polhode with axes a, b, c: it encircles c, and b has the middle inertia.
 
     On the side L² > 2EI_b axis c has the greatest inertia, on the other the least (the exchange 1 ↔
-    3 of `eq:omg1`); on the separatrix either would do and the greatest is taken. If axis c is
+    3 of `eq:omg1`). On the separatrix either would do and the greatest is taken. If axis c is
     undetermined (`of`), m = 0, m1 = 1, n = 0.
     """
 

@@ -1,7 +1,7 @@
 """The Euler top (St = ∞) in closed form: any inertia, any start, at a cost independent of the time.
 
-The invariants come from the start in rational arithmetic, so that the distance from the separatrix
-L² = 2EI₂ and from the permanent rotations suffers no cancellation; the rest is long double.
+The invariants come from the start in rational arithmetic: the distances from the separatrix L² = 2EI₂
+and from the permanent rotations suffer no cancellation. The rest is long double.
 """
 
 from dataclasses import dataclass
@@ -30,8 +30,8 @@ class TorqueFree:
 
     Body angular velocity by Jacobi functions (`eq:omg1`–`eq:omg3`; Landau & Lifshitz, Mechanics,
     §37); precession by theta functions (`eq:prec1`, `eq:prec2`; Whittaker, Analytical Dynamics,
-    §69). Instead of the Euler angles, which are singular where the polhode passes close to its
-    axis, their sum with the spin is used: the angle about L of the frame carried along by the
+    §69). The Euler angles are singular where the polhode passes close to its axis. Instead of them
+    their sum with the spin is used: the angle about L of the frame carried along by the
     shortest rotation from L to axis c (Celledoni, Fassò, Säfström & Zanna, SIAM J. Sci. Comput. 30
     (2008) 2084), regular for every start.
     """

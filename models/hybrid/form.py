@@ -23,9 +23,9 @@ _LONGEST = 2.0**52
 class Hybrid(Form):
     """State of the form of the full equations: `quaternion`, or `spheroid-axis` for spheroids.
 
-    The run goes in segments (`polhode.models.hybrid.plan`): averaged to second order where that is
-    good enough for the requested error, by the full equations where it is not, and
-    where St is too small for it altogether.
+    The run goes in segments (`polhode.models.hybrid.plan`). It is averaged to second order where that
+    is good enough for the requested error. Else, and where St is too small for it altogether, it goes
+    by the full equations.
     """
 
     name = "hybrid"
