@@ -16,8 +16,8 @@ from time import perf_counter
 
 from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.answers.averaging import NotKnownError
-from polhode.harness.answers.race import Entry, Refusal, contenders, race
-from polhode.harness.answers.recommendation import TIED, Excluded, RankedRun, Recommendation
+from polhode.harness.answers.race import TIED, Entry, Refusal, contenders, race
+from polhode.harness.answers.recommendation import Excluded, RankedRun, Recommendation
 from polhode.harness.answers.request import (
     NotAttainableError,
     check_answerable,

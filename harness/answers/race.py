@@ -1,8 +1,8 @@
 """A race: methods run a scene, or a segment of it, and the cheapest one that meets an error comes first.
 
-A confirmed run of the usual full method is the reference. Each other method runs at one to three
+A confirmed run of the usual full method is the reference. Each other method runs at one or two
 tolerances until its error is close to the one requested; what it costs follows from its steps. A
-run whose steps cost more than `_CUT` times the best so far is cut. Methods that average run the
+run whose steps cost more than `TIED` times the best so far is cut. Methods that average run the
 scene itself: their error is measured against a full run of it where the race has one, else stated as
 that of runs of `solve`. At the end the first one of the forecasts runs the scene itself too. No
 decision follows from how long a full run took.
@@ -60,13 +60,16 @@ from polhode.solvers.contract import SolverNotValidError
 # Where a number below is called an estimate, a factor of two in it changes which methods are run and how often,
 # and so the time of asking and at times the choice. `polhode validate --ablation` measures what such parts buy.
 
-# A method is cut that costs more than this times the best one so far: the held-out test counts a
-# first choice as near the best up to the same factor (`heldout.NEAR`).
-_CUT = 1.5
-# A run by `hybrid` of a larger share by the full equations is not made: a full run is near the best then.
-_MOST_IN_FULL = 1 / _CUT
-# Runs of a method in a race, at most; an estimate.
-_MAX_RUNS = 3
+# Methods whose times differ by less than this factor are tied: other work on the machine may change
+# their order. A method that costs more than this times the best one so far is cut. An estimate: a smaller
+# factor would let repeated questions have different answers.
+TIED = 1.2
+# Why a method is cut.
+_TOO_DEAR = f"costs more than {TIED:g} times the best, or fails"
+# A run by `hybrid` of a larger share by the full equations is not made: a full run is tied with it.
+_MOST_IN_FULL = 1 / TIED
+# Runs of a method in a race, at most: the first one, and one at the tolerance that is planned by it.
+_MAX_RUNS = 2
 # A method whose error is at least this share of the one requested is not run again at a looser
 # tolerance: at order 8 that would spare some quarter of its steps at most. The share is an estimate.
 _LEAST_SHARE = 0.08
@@ -78,9 +81,8 @@ _HOPELESS = 1e3
 _TABLED_FROM = 15_000
 # Steps of splitting up to which it comes first: it takes some 10 ms. An estimate.
 _FEW_STEPS = 60_000
-# Methods whose tolerance is searched after the race at most, and the most steps of a run for which that is
-# done: they take an explicit method about a second. Estimates.
-_MAX_SETTLED = 2
+# The most steps of a run whose tolerance is searched after the race: they take an explicit method about a
+# second. An estimate.
 _SETTLED_STEPS = 2_000_000
 # Steps of a run in such a search, at most: its tightest run takes several times as many. An estimate.
 _MOST_STEPS = 10_000_000
@@ -297,8 +299,8 @@ class Heat:
                 # The beginning of a run by splitting takes more steps a rotation.
                 first = first_tolerance(self.scene, method, self.error, self.want)
                 limit = self.limit(method, pace(method, first), 1.0, most=_MOST_STEPS)
-                if not self.search(method, first, limit):
-                    self._refuse(method, f"costs more than {_CUT:g} times the best, or fails")
+                if not limit or not self.search(method, first, limit):
+                    self._refuse(method, _TOO_DEAR)
             else:
                 self.follow(method, self.segment_of(method))
 
@@ -342,12 +344,12 @@ class Heat:
     def limit(self, method: Method, cost: Pace, ratio: float, most: int = MAX_STEPS) -> int:
         """Steps, `most` at most, that a run of a segment may take without being cut.
 
-        The segment's rotations are 1/`ratio` of the scene's.
+        The segment's rotations are 1/`ratio` of the scene's. 0: to start a run costs too much already.
         """
         if self.best == inf or cost.step == 0 or method in self.uncut or method.form.averaged:
             return most
-        left = _CUT * self.best - cost.start - cost.row * self.samples
-        return int(min(most, max(1.0, left / cost.step / ratio)))
+        left = TIED * self.best - cost.start - cost.row * self.samples
+        return int(min(most, max(0.0, left / cost.step / ratio)))
 
     def closed_form(self, method: Method) -> None:
         """Enter a method that evaluates a closed form."""
@@ -369,11 +371,11 @@ class Heat:
         tolerance = rounded(
             method, first_tolerance(segment.raced.scene, method, segment.budget, self.want)
         )
+        limit = self.limit(method, cost, segment.raced.ratio)
         for _ in range(_MAX_RUNS):
-            limit = self.limit(method, cost, segment.raced.ratio)
-            run = segment.runner.run(method, tolerance, limit)
-            if not run.success:
-                why = why or f"costs more than {_CUT:g} times the best, or fails"
+            run = segment.runner.run(method, tolerance, limit) if limit else None
+            if run is None or not run.success:
+                why = why or _TOO_DEAR
                 break
             segment.find_reference()
             if segment.reference is None:
@@ -428,19 +430,17 @@ class Heat:
 
         A forecast tells which methods are quick. Its error is often off by a factor of ten, since what
         rotations add up depends on their phases. A run that is too long for that keeps its forecast,
-        and so does one whose steps the tolerance does not set. Where a method turns out not to meet the
-        error, the next one is looked at.
+        and so does one whose steps the tolerance does not set.
         """
         forecasts = [entry for entry in self.entries if entry.forecast]
-        for entry in sorted(forecasts, key=_seconds)[:_MAX_SETTLED]:
-            if entry.seconds.low > self.best or entry.forecast > _SETTLED_STEPS:
-                return
-            self.entries.remove(entry)
-            if not self.search(entry.method, entry.tolerance, _MOST_STEPS):
-                self.entries.append(entry)
-                return
-            if self.entries and self.entries[-1].method == entry.method:
-                return
+        quickest = min(forecasts, key=_seconds, default=None)
+        if quickest is None or quickest.seconds.low > self.best:
+            return
+        if quickest.forecast > _SETTLED_STEPS:
+            return
+        self.entries.remove(quickest)
+        if not self.search(quickest.method, quickest.tolerance, _MOST_STEPS):
+            self.entries.append(quickest)
 
     def look_again(self) -> None:
         """Hold runs that were refused by what they state of themselves against a full run that was made since."""
@@ -525,11 +525,14 @@ class Heat:
     def _judged(self, method: Method, tolerance: float) -> tuple[Run, float]:
         """A run of the scene itself, and its seconds; raises NotKnownError if it is cut."""
         cost = pace(method, tolerance)
-        run = self.itself.run(method, tolerance, self.limit(method, cost, 1.0))
+        limit = self.limit(method, cost, 1.0)
+        if not limit:
+            raise NotKnownError(_TOO_DEAR)
+        run = self.itself.run(method, tolerance, limit)
         seconds = self.itself.paid(run, self.samples)
-        cut = seconds > _CUT * self.best and method not in self.uncut
+        cut = seconds > TIED * self.best and method not in self.uncut
         if not run.success or (cut and not self.bare):
-            raise NotKnownError(f"costs more than {_CUT:g} times the best, or fails")
+            raise NotKnownError(_TOO_DEAR)
         return run, seconds
 
     def _stated(self, run: Run) -> tuple[Interval | None, str]:

@@ -17,9 +17,6 @@ from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 if TYPE_CHECKING:
     import pandas as pd
 
-# Rows whose times differ by less than this factor are tied: other work on the machine may change
-# their order. An estimate: a smaller factor would let repeated questions have different answers.
-TIED = 1.2
 # Rows of a ranking that Python's prompt and a notebook show: the first ones matter.
 _SHOWN_ROWS = 5
 _NOTEBOOK_ROWS = 10

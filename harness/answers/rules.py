@@ -1,5 +1,6 @@
 """Which form, which solver and which first tolerance: few rules, each with its reason."""
 
+from functools import lru_cache
 from math import exp, floor, inf, isinf, log10, pi
 from typing import NamedTuple
 
@@ -63,6 +64,8 @@ class Method(NamedTuple):
     solver: Solver
 
 
+# The limit bounds memory alone.
+@lru_cache(maxsize=1000)
 def rotations(scene: Scene) -> float:
     """Estimate the rotations of a run before it: the start's own spin until damping ends it, then the flow's.
 

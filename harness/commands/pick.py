@@ -146,7 +146,7 @@ def pick_page(recommendation: "Recommendation", everything: bool, why: bool = Fa
 
 def _notes(recommendation: "Recommendation", shown: int, why: bool) -> str:
     """Notes below the table, one a line; `shown` is the number of its rows."""
-    from polhode.harness.answers.recommendation import TIED
+    from polhode.harness.answers.race import TIED
 
     first = recommendation.ranking[0]
     notes = []

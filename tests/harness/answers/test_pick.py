@@ -14,8 +14,8 @@ from polhode.harness.answers import pace as paces, race as races
 from polhode.harness.answers.forecast import raced_segment
 from polhode.harness.answers.interval import Interval
 from polhode.harness.answers.pick import forget, pick
-from polhode.harness.answers.race import contenders, listed
-from polhode.harness.answers.recommendation import TIED, RankedRun, Recommendation
+from polhode.harness.answers.race import TIED, contenders, listed
+from polhode.harness.answers.recommendation import RankedRun, Recommendation
 from polhode.harness.answers.request import NotAttainableError
 from polhode.harness.answers.rules import LOOSEST, TIGHTEST
 from polhode.harness.cli import main
