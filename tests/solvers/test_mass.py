@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp as scipys
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, eye_array
 
 from oracle.accepting import accepting
 from polhode import Problem, WorkPrecision, solve_ivp
+from polhode.models.mass import mass_of
 
 
 def robertson(t, y):
@@ -98,6 +99,16 @@ def test_solvers_without_algebraic_equations_refuse_by_name(name):
 def test_what_is_no_mass_is_refused(mass, words):
     with pytest.raises(ValueError, match=words):
         solve_ivp(robertson, (0, 1), [1.0, 0.0, 0.0], mass=mass)
+
+
+@pytest.mark.parametrize("entry", [1e-14, np.nan])
+def test_a_large_mass_has_no_entry_off_its_diagonal(entry):
+    """Neither rounding nor a NaN hides one."""
+    mass = eye_array(600, format="lil")
+    mass[1, 0] = entry
+    with pytest.raises(ValueError, match="^mass: got a matrix of 600 components"):
+        mass_of(mass.tocsr(), 600)
+    assert mass_of(eye_array(600), 600).shape == (600,)
 
 
 def test_an_index_above_one_is_refused():
