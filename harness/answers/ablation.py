@@ -108,8 +108,8 @@ def measured(question: Question, first: int = 0) -> Record:
     choices = {}
     for words, (answer, _, _) in asked.items():
         if answer:
-            first = answer.ranking[0]
-            choices[words] = first.form, first.solver, first.tolerance
+            quickest = answer.ranking[0]
+            choices[words] = quickest.form, quickest.solver, quickest.tolerance
     timed = track.in_turns([*dict.fromkeys(choices.values())])
     rows = []
     for words, (_, _, asking) in asked.items():

@@ -106,7 +106,7 @@ def test_a_large_mass_has_no_entry_off_its_diagonal(entry):
     """Neither rounding nor a NaN hides one."""
     mass = eye_array(600, format="lil")
     mass[1, 0] = entry
-    with pytest.raises(ValueError, match="^mass: got a matrix of 600 components"):
+    with pytest.raises(ValueError, match=r"^mass: got a matrix of 600 components"):
         mass_of(mass.tocsr(), 600)
     assert mass_of(eye_array(600), 600).shape == (600,)
 
