@@ -188,6 +188,7 @@ class WorkPrecision:
         self.own_reference = reference
         self.over = dict(over or {})
         began = perf_counter()
+        # Traces a user's function once, for all runs.
         self.problem = frozen(problem) if isinstance(problem, Problem) else problem
         self.trace_seconds = perf_counter() - began
 
@@ -563,6 +564,7 @@ def _prepared(setup: Setup, problem: Problem, tolerance: float, atol: Any) -> fl
     """
     if setup.solver is None or not setup.solver.available:
         return None
+    # `SPENT` sums this process's seconds by kind of work.
     before = SPENT.seconds["compilation"]
     with suppress(Exception):
         # A run that ends at its first step. These limits stand above options of the same name.

@@ -38,7 +38,8 @@ from polhode.solvers.solve import solve
 # Seconds that the calls of a measurement take at least. An estimate: far above the clock's steps, far below a
 # second.
 _ENOUGH = 2e-3
-# Factor from one number of calls to the next, until they take that long: a power of two near the usual rounds.
+# Factor from one number of calls to the next, until they take that long. An estimate: with a larger one the
+# calls take much longer than they must, with a smaller one more numbers of calls are tried.
 _MORE_CALLS = 4
 # Measurements of which the best counts, and starts of Python of which the fastest counts. Estimates: what
 # disturbs a run can only lengthen it, and seldom disturbs five in a row.

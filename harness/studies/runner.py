@@ -79,6 +79,7 @@ class Runner:
 
     def _measure(self, batch: list[Case], progress: Steps) -> list[tuple[Case, Record]]:
         """Records of a batch's cases: all are run once, then those that succeeded are timed in rounds."""
+        # Garbage of the batch before goes now, not beside a run that is timed.
         gc.collect()
         records: dict[Case, Record] = {}
         for case in batch:

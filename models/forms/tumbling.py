@@ -84,6 +84,7 @@ class Tumbling(Form):
         return Observables(momentum, energy, scene.initial_rotation @ turned)
 
     def _plane(self, scene: Scene) -> Plane:
+        """The scene's planar start; raises FormNotValidError if it is not planar."""
         self.require_flow(scene)
         self.require_orientation(scene)
         rotation = scene.initial_rotation

@@ -51,7 +51,7 @@ _MORE = 50
 
 
 def foreseen(scene: Scene, error: float) -> tuple[PlannedSegment, ...]:
-    """Segments of a run for a requested error of L and E, over I_max."""
+    """Segments of a run for a requested error of L and E, over I_max; one full segment if the run is short."""
     if speed(scene) * scene.time < 2 * np.pi * _SHORT:
         return (
             PlannedSegment(
@@ -113,6 +113,7 @@ class HybridPlan:
         except NotAveragedError as refusal:
             return self._until_averaged(planned, time, state, tolerance, str(refusal))
         angle = self.angle(planned) + planned.swing
+        # In this order: problem, end, states, reason, error, angle, tolerance, and the plan behind it.
         return Segment(
             problem,
             end,
@@ -149,6 +150,7 @@ class HybridPlan:
             spent_full=self.spent_full + cost,
             carried=self.carried + cost,
         )
+        # In the order of `__call__`; states are the run's own.
         return Segment(
             replace(self.full, start=tuple(state.tolist())),
             end,
