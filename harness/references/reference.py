@@ -46,8 +46,8 @@ from polhode.solvers.taylor import extends_precision
 _QUADRUPLE: tuple[Run, Run] = (("quadruple", 1e-22), ("long double", 1e-19))
 LONG_DOUBLE: tuple[Run, Run] = (("long double", 1e-19), ("long double", 1e-17))
 SAFETY = 10.0
-# Up to the first cost of a run quadruple precision is used, some 40 times as slow, and up to the second one two
-# moved starts instead of one. A cost is the scene's time, in inverse shear rates, and more where rotation is
+# Up to the first cost of a run quadruple precision is used, some 40 times as slow. Up to the second one two
+# starts are moved instead of one. A cost is the scene's time, in inverse shear rates, and more where rotation is
 # fast or stability limits the step. Both are estimates: twice as large ones make the longest runs take twice as
 # long.
 QUADRUPLE_UP_TO_COST = 5000.0

@@ -40,9 +40,9 @@ LONGEST_STIFF = 5e3
 # Damping rate, in shear rates, from which an implicit method takes fewer steps than stability allows an
 # explicit one; an estimate.
 _STIFF_FROM = 30.0
-# Least |ω| √(St I/8πX). Its square is an angle, in order of magnitude, where |ω| is below the shear rate: the
-# body turns by it while the torque changes |ω| by as much as |ω| itself (section `DAC`). Averages over a
-# rotation need ω to change little in it. An estimate.
+# Least |ω| √(St I/8πX). Where |ω| is below the shear rate, its square is an angle in order of magnitude: by it
+# the body turns while the torque changes |ω| by |ω| (section `DAC`). Averages over a rotation need ω to change
+# little in it. An estimate.
 _SEPARATED = 1.5
 # From rest a body turns by some 100 rad within this multiple of √(St I/8πX). It is then so fast that
 # averages serve from there on. An estimate; whether they serve is checked there.
@@ -58,9 +58,9 @@ _MAX_AVERAGED_STEPS = 100_000
 STIFF = 2e4
 # Damping times that a rotation, and a unit of time that follows the flow, outweigh, together. With
 # more of them stability asks for more than 0.4 of the steps, and errors do not follow the
-# tolerance; the errors of Taylor's method, whose order is higher, still do. Counts of cyrk-vern8's
-# steps at 1e-9 in the quaternion form give both numbers: 8 steps in a rotation, 1.6 in a unit of
-# following time, 0.28 in a damping time. Since 0.28 S must be 0.4 of all steps, they are
+# tolerance. Those of Taylor's method, whose order is higher, still do. Both numbers follow from
+# counts of cyrk-vern8's steps at 1e-9 in the quaternion form. It takes 8 steps in a rotation, 1.6
+# in a unit of following time and 0.28 in a damping time. Since 0.28 S must be 0.4 of all steps, they are
 # 8 × 0.4/0.6/0.28 and 1.6 × 0.4/0.6/0.28. The share 0.4 is an estimate.
 _PER_ROTATION = 19.0
 _PER_TIME = 3.8

@@ -156,8 +156,8 @@ def attempt(case: Case) -> tuple[Record, np.ndarray]:
 def judge(case: Case, record: Record, states: np.ndarray) -> Record:
     """Record of an attempt with its errors.
 
-    The record's columns: `slow_error` and `orientation_error` against the exact solution of the
-    full equations, `solver_*` against the exact solution of the same form, `model_*` of that exact
+    `slow_error` and `orientation_error` are errors against the exact solution of the full equations,
+    `solver_*` against the exact solution of the same form. `model_*` are errors of that exact
     solution against the full one. A full form has no model error. An error that cannot be measured
     is None. In chaotic motion, errors count up to `meaningful_until`, and `statistics_distance`
     compares the distributions over the whole run. `worst_time` is the time of the largest error of L

@@ -34,8 +34,8 @@ def _field(ops: Operations, slip: Factory) -> Field:
     # (1/I_a - 1/I_e)(L·p̂)p̂ and w = ω - Ω_J the torque is -8π(Y_c w + (X_c - Y_c)(w·p̂)p̂). The
     # state holds L/I_e, of order one like p̂ whatever the shape, so that one tolerance suits both.
     # Products of two components of p̂ are divided by |p̂|², which solvers let drift. This takes the
-    # error of L and E from 0.1 and more to 1e-3 over 10⁴ time units at St = 100, kappa = 2 and
-    # tolerance 1e-6, by RK45, LSODA and DOP853. A term that restores the norm does no better.
+    # error of L and E from 0.1 and more to 1e-3: at St = 100 and kappa = 2 over 10⁴ time units, by
+    # RK45, LSODA and DOP853 at tolerance 1e-6. A term that restores the norm does no better.
     slip_of = ops.use(slip)
 
     def rhs(y, p):
