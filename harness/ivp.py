@@ -1,7 +1,8 @@
 """`solve_ivp` as SciPy has it, with every solver of the catalogue as a method.
 
-A `Problem` runs from time 0 on: the user's time is t_start + t, or t_start - t in a run backwards. Its
-state may have one component more than the user's, a time; so `d` is the length of the user's y0.
+A `Problem` runs from time 0 on: the user's time is t_start + t, or t_start - t in a run backwards. If
+a compiled `fun` reads the time, that is one more component of its state, the last one; so `d` is the
+length of the user's y0.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -99,9 +100,9 @@ def solve_ivp(
     max_step, first_step : float, optional
         Largest and first step; refused by solvers whose library has no such limit.
     max_steps : int
-        Steps after which the run ends as `step_limit`.
+        Steps after which the run ends as `step_limit`; by default 10^9, as good as no limit.
     max_seconds : float
-        Wall time after which it ends as `time_limit`.
+        Wall time in seconds after which it ends as `time_limit`.
     jacobian : callable or matrix, optional
         ``jacobian(t, y, *args)``, shape (d, d), an array or a sparse matrix; `jac` is the same.
     jac_sparsity : array or sparse matrix, optional
@@ -162,7 +163,7 @@ def solve_ivp(
     if isinstance(method, str):
         method = _SCIPYS_NAMES.get(method, method)
     solver = find_solver(_default_method(problem) if method is None else method)
-    # A function that has just been recorded is not recorded again.
+    # `from_function` has recorded the operations of `fun` to compile it: the run need not do so again.
     problem = prepared(problem, solver)
     direction = 1.0 if end > began else -1.0
     every_step = t_eval is None and problem.plain and solver.shows_steps
@@ -186,6 +187,7 @@ def solve_ivp(
     # A count of calls is asked for where the function is compiled; plain Python counts them anyhow.
     how = {"count": not problem.plain, "events": sought, "every_step": every_step}
     run = solve(problem, solver, rtol, times, atol=atol, **how, **limits, **steps)
+    # `terminal` is the number of times that an event may happen; 0 ends no run.
     ended = any(event.terminal and len(event.times) >= event.terminal for event in sought)
     last_is_extra = end_added and len(run.times) == len(times)
     if ended:
@@ -222,9 +224,9 @@ def _numbers_of(args: Any) -> tuple[float, ...]:
 
 
 def _default_method(problem: Problem) -> str:
-    """The solver where none is named."""
+    """The solver where none is named, or one of its kind where its library is missing."""
     field = problem.field
-    # Algebraic equations: there is no explicit form.
+    # The mass matrix is singular: some equations are algebraic.
     if problem.parameters is None:
         return "ida"
     if isinstance(field, OwnField) and field.structure is not None:
@@ -244,7 +246,7 @@ def _requested_times(
 
 
 def _sought(events: Any, value: Callable[..., Any]) -> list[SoughtEvent]:
-    """The events of `solve_ivp` as a run seeks them."""
+    """The events of `solve_ivp` as a run seeks them; `value` is `_value` but for its last three arguments."""
     functions = () if events is None else events
     if not isinstance(functions, Iterable):
         functions = [functions]
@@ -341,7 +343,10 @@ def increasing(name: str, values: Any, begin: float, end: float) -> np.ndarray:
 
 
 def decreasing(name: str, values: Any, begin: float, end: float) -> np.ndarray:
-    """Times as an array, shape (n,); ValueError unless they decrease and lie within a run backwards."""
+    """Times as an array, shape (n,); ValueError unless they decrease and lie within a run backwards.
+
+    It goes from `begin`, the larger number, to `end`.
+    """
     times = _times(values)
     if not (_rise(-times) and end <= times[-1] and times[0] <= begin):
         expected = f"decreasing numbers from {in_full(begin)} to {in_full(end)}"

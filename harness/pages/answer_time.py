@@ -21,7 +21,7 @@ def write_page(folder: Path, timings: Sequence[Timing], command: str, load: int 
     """Write `time.md` and `times.csv` into a folder and return the page's path.
 
     `load` is the number of other processes that kept the processors busy. With 8 of them the files are
-    `time-load8.md` and `times-load8.csv`.
+    `time-load8.md` and `times-load8.csv`. The template takes its targets from the module `timed`.
     """
     text = pd.DataFrame(timings).to_csv(index=False, float_format="%.4g")
     suffix = f"-load{load}" if load else ""

@@ -59,6 +59,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     runs = frame(records)
     write_runs(runs, folder)
     write_records(records, folder)
+    # By scene and St the uncertainty of the reference, which all runs there share.
     uncertainties = (
         where(runs, runs["slow_uncertainty"].notna())
         .groupby(["scene_name", "stokes"], sort=False)
@@ -76,6 +77,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         made=made,
         verdict=[*verdict(runs), *averaged_costs(runs)]
         or [_FULL_ALONE if len(runs["seconds"].dropna()) else _NOTHING],
+        # In percent of the fastest time.
         tie=100 * (pareto.TIE - 1),
         # `by_scene` calls a single scene "": headings leave the name out, figures take it from the runs.
         scenes=[
@@ -220,7 +222,7 @@ def averaged_costs(records: pd.DataFrame) -> list[str]:
     for scene, runs in by_scene(records):
         names = pareto.averaged_forms(runs)
         for name in names:
-            ratios = pareto.cost_over_stokes(runs, name)
-            if ratios:
-                scene_costs.append((scene, name, ratios))
+            change = pareto.cost_over_stokes(runs, name)
+            if change:
+                scene_costs.append((scene, name, change))
     return lines_of("bench-costs", costs=scene_costs)

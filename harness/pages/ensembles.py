@@ -30,7 +30,8 @@ from polhode.harness.pages.figures.style import measured, save
 from polhode.harness.pages.tables import fill
 
 # Files beside the page, and the function that makes an ensemble's rows of each from the ensemble and its
-# statistics; `texts/sweep.md` describes them.
+# statistics; `texts/sweep.md` describes them. Of `mean_rows`, `of` names the statistic; the other keyword
+# names a column, with its entries.
 _FILES = {
     "moments.csv": summary.moment_rows,
     "voigt.csv": summary.voigt_rows,
@@ -190,6 +191,7 @@ def _page(
         settled=[(shape, list(same)) for shape, same in settled],
         pictures=pictures,
         files=names,
+        # What the tasks' records say of times: that none were taken.
         no_times=NO_TIMES,
         in_flow=sweep.ensembles[0].any_scene.flow is not None,
     )
@@ -245,7 +247,8 @@ def _made(throughput: Throughput) -> list[str]:
 
 def page(throughput: Throughput) -> str:
     """The measured numbers as a page, and what large sweeps take by them."""
-    # The tasks measured give, for each planned sweep, its tasks, mebibytes in the store and core hours.
+    # The tasks measured give, for each planned sweep, its tasks, mebibytes in the store and core hours. A row
+    # of "tasks" has the bytes of a task's record and the particles per second of a core.
     planned = []
     tasks = {(row["shape"], row["equations"]): row for row in throughput["tasks"]}
     for plan in _PLANS:
@@ -275,7 +278,8 @@ def _repeats(throughput: Throughput) -> str:
     # How much longer the slower turns take than the fastest, over the time of the fastest.
     longer = []
     for row in (*throughput["full"], *throughput["long"], *throughput["tasks"]):
-        # Columns of speeds differ in their prefix: a table has some of these.
+        # Columns of speeds differ in their prefix: "full" has equal steps and "taylor_"; "tasks" has whole
+        # tasks, runs whose end alone is read ("end_"), and runs with samples ("sampled_").
         for prefix in ("", "taylor_", "end_", "sampled_"):
             if f"{prefix}slower_per_second" in row:
                 ratio = row[f"{prefix}per_second"] / row[f"{prefix}slower_per_second"]

@@ -39,11 +39,11 @@ _CROSSING_ERRORS = np.geomspace(1e-1, 1e-13, 121).tolist()
 # The solvers of which the page says below which error the first is the faster.
 _TAYLOR = "taylor"
 _VERNER = "cyrk-vern8"
-# Libraries whose whole run is machine code, alone: no Python between the steps.
+# Libraries whose whole run is machine code: no Python between the steps.
 _ALONE = ("heyoka", "CyRK", "SUNDIALS")
 # Fields of `Measured` that hold no records; `costs.json` holds them.
 _COSTS = ("overheads", "first_runs", "rhs_costs", "startup")
-# How a right-hand side is called by each back end.
+# How each back end calls a right-hand side: "alone" is machine code without Python.
 _BACKENDS: dict[Backend, str] = {
     "python": "plain Python",
     "numba": "compiled, called from Python",
@@ -59,7 +59,8 @@ class Measured:
     spheroid: Sequence[Record]  # Forms of the spheroid.
     backends: Sequence[Record]  # The same methods by each back end and Jacobian.
     overheads: Sequence[Overhead]  # `solve` beside the bare call of the library.
-    first_runs: Mapping[str, tuple[FirstRun, FirstRun]]  # Cold and warm, by solver.
+    # By solver: with an empty cache of compiled code (cold), and with the cache that this run left (warm).
+    first_runs: Mapping[str, tuple[FirstRun, FirstRun]]
     rhs_costs: Mapping[Backend, float]  # Seconds of one right-hand side.
     startup: float  # Seconds of `polhode --help`.
 
@@ -131,7 +132,8 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
     overheads = []
     for overhead in measured.overheads:
         row = asdict(overhead)
-        # What `solve` takes beyond the bare call: in µs, and over the time of that call.
+        # What `solve` takes beyond the bare call: in µs, over the time of that call, and whether the study
+        # allows so much.
         row["extra"] = 1e6 * overhead.seconds
         row["share"] = overhead.seconds / overhead.bare
         row["allowed"] = "yes" if overhead.allowed else "no"
@@ -154,6 +156,7 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
             {"solver": name, "cold": cold, "warm": warm}
             for name, (cold, warm) in measured.first_runs.items()
         ],
+        # Starts of `polhode --help`, of which the fastest is `startup`.
         starts=STARTS,
     )
     times_page = fill(
@@ -227,7 +230,7 @@ def _interpreter(table: pd.DataFrame) -> list[dict[Any, Any]]:
 def _comparable(solver: str, backend: str, jacobian: str) -> bool:
     """Whether a run counts for its algorithm and back end in the comparison of back ends.
 
-    Of CyRK the runs alone do, as those of SciPy's methods: SciPy has no such back end.
+    Runs of CyRK count by the back end "compiled" alone. SciPy's methods lack it, and have the other two.
     """
     method = find_solver(solver)
     if method.implicit:

@@ -198,11 +198,13 @@ def figure(orbits: Any, orders: Any, note: str = "") -> Figure:
 
     `orbits` and `orders` are tables of `read_tables`; `note` stands below.
     """
+    # The right panel is narrow: errors go over more decades than spacings, and decades have one length.
     drawn, grid = panels(1, 2, _HEIGHT, width_ratios=[3, 1])
     _draw_periods(grid[0, 0], orbits)
     _draw_orders(grid[0, 1], orders)
     handles = [
         Line2D([], [], color=INK, marker="o", markersize=4, linewidth=0, label="measured"),
+        # `_SPLINE_ORDER` in words.
         Line2D([], [], color=INK, linewidth=1.3, label="theory; at the right a fourth power"),
     ]
     ratios = [float(str(ratio)) for ratio, _ in orbits.groupby("ratio")]
@@ -242,6 +244,7 @@ def _draw_orders(axes: Axes, orders: Any) -> None:
     """Errors as points, and a line through the last one that falls with the order of a cubic spline."""
     spacing = orders["spacing"].to_numpy(float)
     error = orders["error"].to_numpy(float)
+    # The darkest colour of the ramp.
     axes.loglog(spacing, error, "o", color=ramp(3)[2], markersize=5)
     prediction = error[-1] * (spacing / spacing[-1]) ** _SPLINE_ORDER
     axes.loglog(spacing, prediction, "-", color=INK, linewidth=1.0)

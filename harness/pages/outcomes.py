@@ -173,7 +173,10 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
 
 
 def limits(records: Sequence[Record]) -> dict[str, float]:
-    """Error of L and E, over I_max, beyond which a run counts as inaccurate, by the scene's name."""
+    """Error of L and E, over I_max, beyond which a run counts as inaccurate, by the scene's name.
+
+    That is `INACCURATE` in its unit: `magnitude` is the largest slow variable at the start, over I_max.
+    """
     # The first record of a scene's name gives the scene.
     named = {record["scene_name"]: record["scene"] for record in reversed(records)}
     scenes = {name: parse_scene(content) for name, content in named.items()}

@@ -2,7 +2,8 @@
 
 A `study` is a `polhode.harness.work_precision.WorkPrecision`, its `frame` has a row for each solver and
 tolerance. A study `over` parameters has a further study for each point: a value of each parameter.
-Its `frame` has the rows of them all, with a column for each parameter.
+Its `frame` has the rows of them all, with a column for each parameter. `studies` lists these points with
+their studies; without parameters it has the study itself, at a point without values.
 """
 
 from collections.abc import Sequence
@@ -35,8 +36,8 @@ from polhode.solvers.contract import Status
 # The error of the figure of times over a parameter, between the loose and tight ones of `STUDY_TARGETS`,
 # which the tables have. A choice.
 _DRAWN_ERROR = 1e-6
-# Points of the titles of figures, and from a title down to its panel: room for the hollow markers of
-# runs without a result.
+# Points of the titles of figures, by eye, and from a title down to its panel: room for the hollow markers
+# of runs without a result.
 _TITLE = 11
 _TITLE_DISTANCE = 15
 # The figure of times over a parameter, with its legend at the right: inches, and points of its letters.

@@ -1,4 +1,7 @@
-"""The page of the classical test problems: profiles over all, work and precision of each."""
+"""The page of the classical test problems: profiles over all, work and precision of each.
+
+A heat map shows, for each problem and error, how many times as long as the fastest each solver takes.
+"""
 
 from collections.abc import Sequence
 from io import BytesIO
@@ -52,8 +55,9 @@ def _write(table: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
     """Write page and figures of the runs in a table; `made` says how they were made.
 
     The columns needed are `problem`, `solver`, `tolerance`, `status`, `message`, `error`, `seconds` and
-    `spread`. The last three are empty for a run that did not reach its end, and the last two for one that took
-    too long to be repeated. `tolerance` is empty, too, where the process failed: one row then stands for all.
+    `spread`, the longest time of the repeats minus the shortest in s. The last three are empty for a run that
+    did not reach its end, and the last two for one that took too long to be repeated. `tolerance` is empty,
+    too, where the process failed: one row then stands for all.
     """
     # The functions below read columns by the names that records of scenes have. The error is that of the
     # state at the end, where the published digits count as exact. Every run has one form, the problem's own.
@@ -100,6 +104,7 @@ def _write(table: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
         compared=not compared.empty,
         sentence="" if profiled.empty else sentence(profiled),
         profiled=_PROFILED_TARGET,
+        # In percent of the fastest time.
         tie=100 * (TIE - 1),
         fastest=markdown(
             ["problem", *(f"fastest at {short(target)}" for target in _TARGETS)], fastest

@@ -36,7 +36,8 @@ Maps = Mapping[tuple[str, str], Sequence[Cell]]
 """Cells by the scene's name and the column of the error, "slow_error" or "orientation_error"."""
 # Columns of `cells.csv`, after the fields of `Cell`. "error" is the kind of error, "target" its requested
 # size, "known" whether the reference resolves it; "form" and "solver" are the winner's, "seconds" its time;
-# "lead" is the time of the second over that, "next" the second as "form, solver".
+# "lead" is the time of the second over that, "next" the second as "form, solver". "spread" is by how much
+# repeats vary, over their time, and "tie" whether the lead is no more than a tie (`Cell.tied`).
 _CELL_COLUMNS = [
     "scene",
     "error",
@@ -132,6 +133,7 @@ def _write(study: Study, runs: pd.DataFrame, folder: Path, made: Sequence[str]) 
             *long_lines,
         ],
         study=study,
+        # In percent of the fastest time.
         tie=100 * (TIE - 1),
     )
     return write_file(folder / "README.md", page)

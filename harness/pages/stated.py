@@ -27,12 +27,14 @@ def write_page(folder: Path, rows: Sequence[Record], command: str) -> Path:
     left out, with the reason under "left_out".
     """
     counts = coverage.counted(rows)
+    # Numbers of runs: those that state no error, and all that were judged.
     silent, judged = coverage.unstated(rows)
     page = fill(
         "stated",
         made=provenance(command, [here()]),
         limits=coverage,
         counts=counts,
+        # Kinds whose statements miss too many errors, and kinds whose statements lie too far above them.
         over=[count for count in counts if count.missed > coverage.MOST_MISSED * count.runs],
         loose=[count for count in counts if count.factor > coverage.LARGEST_FACTOR],
         answers=coverage.answered(rows),

@@ -310,8 +310,8 @@ def _gain_cells(gain: Gain) -> list[str]:
 
 # --- forms -------------------------------------------------------------------------------------------
 
-# Kinds of forms, columns of the table. "angles" are the forms of `_ANGLES`, "axis" is `spheroid-axis`, the
-# form (L, p̂).
+# Kinds of forms, columns of the table. "angles" are the forms of `_ANGLES`, "axis" is `spheroid-axis`: the
+# angular momentum L and the symmetry axis p̂.
 _FORMS = ("quaternion", "angles", "axis")
 
 

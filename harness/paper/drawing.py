@@ -183,7 +183,7 @@ def draw_power(
     linestyle: str = ":",
     label: str | None = None,
 ) -> None:
-    """Draw the power law x^exponent through `last` at the last of the points x.
+    """Draw the power law x^exponent through `last` at the last of the points x, shape (n,).
 
     Without a `label` the legend names the exponent.
     """
@@ -214,6 +214,7 @@ def key_of(axes: Axes, **options: Any) -> None:
     handles, labels = axes.get_legend_handles_labels()
     panels_beside = axes.get_gridspec().ncols  # pyright: ignore[reportOptionalMemberAccess]
     names = [_wrapped(label, _NAME_LETTERS / panels_beside) for label in labels]
+    # The last five are lengths in units of the letters' size.
     style: dict[str, Any] = {
         "loc": "lower left",
         "bbox_to_anchor": (0.0, 1.0),

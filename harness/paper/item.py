@@ -88,9 +88,8 @@ class Number:
     unit: str = ""  # Empty for pure numbers.
     interval: tuple[float, float] | None = None  # At 95 %, where the measurement has one.
     measure: str = ""  # Of a share: of what, and how that was drawn.
-    floor: float = (
-        0.0  # Smaller values are errors of the computation itself: "below …" on the page.
-    )
+    # Smaller values are errors of the computation itself: "below …" on the page.
+    floor: float = 0.0
 
     @property
     def holds(self) -> bool:

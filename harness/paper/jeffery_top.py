@@ -183,6 +183,7 @@ def section_points(
     scene = Scene(ellipsoid, 0.0, EulerStart((1.0, 0.0, 0.0)), duration)
     quaternions = np.array([quaternion_from_euler(start) for start in angles])
     problem = find_form("jeffery").problem(scene)
+    # States have the shape (times, orbits, 4).
     states, _ = run_batches(problem, quaternions, times, _TOLERANCE)
     if not np.isfinite(states).all():
         raise RuntimeError("an orbit's run failed, expected it to reach its end")

@@ -70,7 +70,7 @@ def _made(records: Sequence[Record]) -> str:
 
 
 def _described(section: Section, item: Item, judgement: store.Judged) -> str:
-    """The text on an item on the page of its section."""
+    """The text on an item on the page of its section; a `judgement` of words says why there is none."""
     if isinstance(judgement, str):
         claim = f"**Claim.** {item.claim}"
         return f"## {item.title}\n\n{claim}\n\n{judgement}: `polhode paper {item.name}`.\n"

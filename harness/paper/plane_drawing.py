@@ -40,6 +40,7 @@ def draw_frame(axes: Axes, ellipsoid: Ellipsoid, low: float, high: float) -> Non
     L_z/I_max runs from `low`, which is negative, to `high`. The parabola of the middle moment of
     inertia is dashed; the others are the bounds of E. All fixed points lie on the line.
     """
+    # Enough points for a parabola to look smooth.
     momentum = np.linspace(low, high, 201)
     moments = np.array(sorted(set(ellipsoid.inertia))) / max(ellipsoid.inertia)
     for number, moment in enumerate(moments):

@@ -18,7 +18,8 @@ from polhode.models.scenes import aligned_start
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import FixedPoint, Stability, fixed_points
 
-# St of the full trajectories that are compared with slow ones, the smaller one first.
+# St of the full trajectories that are compared with slow ones, the smaller one first. From 1000 on the
+# paper calls the agreement good. Ten times that St shows how the differences fall.
 PLANE_STOKES = (1e3, 1e4)
 # Differences of full from slow trajectories, over I_max.
 Differences = dict[float, dict[float, float]]

@@ -171,6 +171,7 @@ def _side_by_side(
             yield item.name
 
     compute = partial(_computed_by_name, folder=folder, grid=grid)
+    # No item waits ahead of a free process: `names` reports an item when it is begun.
     outcomes = engines.processes(count, compute, names(), ahead=0)
     with _single_threaded_children(), closing(outcomes):
         for name, outcome, message in outcomes:

@@ -1,4 +1,9 @@
-"""The page of the study of the form `hybrid`: how often it meets the requested error, and how fast it is."""
+"""The page of the study of the form `hybrid`: how often it meets the requested error, and how fast it is.
+
+Columns are the fields of `HybridError` (`Study.errors`) and `Speed` (`Study.speed`), where they are
+described. "slow" is the error of L and E over I_max. Templates take the study's numbers from `form`,
+which is the module `polhode.harness.averaging.hybrid`.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,6 +31,7 @@ def write_page(study: Study, folder: Path, command: str) -> None:
     if study.errors:
         runs = _judged(study.errors)
         speeds = _compared(study.speed)
+        # `SPEED_REPEATS` is the number of turns, and of runs in each turn.
         note = (
             f"{runs['start'].nunique()} random starts by {hybrid.SEGMENT_SOLVER}. Allowed: the error "
             "requested, or the reference's uncertainty if larger. Speed: error "
@@ -85,9 +91,11 @@ def findings(study: Study) -> list[str]:
     runs = _judged(study.errors)
     speeds = _compared(study.speed)
     gains = speeds.dropna(subset=["gain"]).groupby("stokes")
+    # Milliseconds that tables take, of shapes that have some: spheroids have none.
     times = 1e3 * speeds.loc[speeds["new_shape"] > 0, ["new_shape", "known_shape"]]
     stated = runs.dropna(subset=["estimated"])
     triaxial = speeds[speeds["kind"] == "triaxial"]
+    # Starts that were timed at every St.
     everywhere = triaxial.pivot_table(index="start", columns="stokes", values="seconds").dropna()
     return lines_of(
         "hybrid-findings",
@@ -98,8 +106,10 @@ def findings(study: Study) -> list[str]:
         ratios=stated["over"][stated["slow"] > 0],
         settled=runs.dropna(subset=["mirror"]),
         worst=(runs["slow"] / runs[["error", "uncertainty"]].max(axis=1)).max(),
+        # The sentence gives quantiles, which need two runs.
         gains=[(stokes, stokes_gains) for stokes, stokes_gains in gains if len(stokes_gains) > 1],
         quantiles=quantiles,
+        # The sentence compares St: with one of them it is left out.
         everywhere=everywhere if everywhere.shape[1] > 1 else [],
         tables=[(seconds.median(), seconds.max()) for _, seconds in times.items() if len(seconds)],
     )
@@ -109,8 +119,8 @@ def _judged(rows: Sequence[HybridError]) -> Any:
     """The runs as a table, with three more columns.
 
     `within`: whether the error of L and E is at most the requested one; `bounded`: whether it is at most the
-    estimated one, empty without an estimate. In both, an error below the reference's uncertainty is. `over` is
-    the estimate over the measured error, or over that uncertainty if it is larger.
+    estimated one, empty without an estimate. An error below the reference's uncertainty counts as both.
+    `over` is the estimate over the measured error, or over that uncertainty if it is larger.
     """
     runs = frame_of(HybridError, rows)
     runs["within"] = runs["slow"] <= runs[["error", "uncertainty"]].max(axis=1)

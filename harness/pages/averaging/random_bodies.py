@@ -1,4 +1,8 @@
-"""The study of averaging over random bodies: for the terminal, as JSON, and as a page with figure and data."""
+"""The study of averaging over random bodies: for the terminal, as JSON, and as a page with figure and data.
+
+Kinds of bodies are those of `bodies.KINDS`, orders of averaging "first order", "second order" and "hybrid".
+`shares` says what the columns of runs mean, `random_study` those of references.
+"""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -51,24 +55,25 @@ from polhode.harness.pages.tables import columns_of, fill, lines_of
 
 # The slow time of most tables: the longest that was studied.
 WHOLE = STUDIED_SLOW_TIMES[-1]
-# Decades of St between which exponents are given.
+# Decades of St between which exponents are given: the St of the study (`random_study.BODIES`) that are a
+# power of ten, but for the least one. A choice.
 _DECADES = (100.0, 1000.0, 1e4, 1e5, 1e6, 1e7, 1e8)
 # St from which on the paper calls the averaged equations good, by kind of body: figures "spheroid-slow-1"
 # (`paper.sections.spheroids`) and "ellipsoid-planes" (`paper.sections.ellipsoids`).
 _GOOD_FROM = {"prolate": 100.0, "oblate": 100.0, "stays": 1000.0, "crosses": 1000.0}
 # Target share of the runs whose error is below the stated one: the upper end of an interval of 95 %.
 _BOUNDED = 0.975
-# Which errors, St and examples the page shows out of those studied is a choice:
-# error of L and E, over I_max, of the table by slow time;
+# The next six say what the page shows of what was studied. They are choices.
+# Error of L and E, over I_max, of the table by slow time.
 _SHOWN_TARGET = 1e-3
-# St at which the cost of `hybrid` is shown, and the requested error of L and E;
+# St at which the cost of `hybrid` is shown, and the requested error of L and E.
 _HYBRID_SHOWN = (1e4, 1e5, 1e6)
 _HYBRID_ERROR = 1e-6
-# examples of cancellation;
+# Examples of errors that are small by cancellation (`shares.CANCELLED`).
 _EXAMPLES = 3
-# errors of L and E for which a sentence gives the St from which on they are met;
+# Errors of L and E for which a sentence gives the St from which on they are met.
 _SENTENCE_TARGETS = (1e-2, 1e-4)
-# columns of `which_form`: an order of averaging, and an error of L and E.
+# Columns of `which_form`: an order of averaging, and an error of L and E.
 _WHICH = ((ORDER_ONE, 1e-2), (ORDER_ONE, 1e-4), (ORDER_TWO, 1e-4), (ORDER_TWO, 1e-6))
 # Quantiles of a band over the bodies: its lower edge, its line, its upper edge.
 _BAND = (0.025, 0.5, 0.975)
@@ -100,9 +105,8 @@ class Analysis(NamedTuple):
     runs: Frame  # Errors up to the slow time `WHOLE`.
     exponents: list[Exponent]  # Of the fall of errors, between the St of `_DECADES`.
     bounded: list[Bounded]  # How many runs, up to any slow time, keep to their stated errors.
-    cancelled: tuple[
-        list[Cancelled], int
-    ]  # The striking cases of cancellation, and how many were tried.
+    # The errors that are small by cancellation, the most striking first, and how many errors were looked at.
+    cancelled: tuple[list[Cancelled], int]
 
     @classmethod
     def of(cls, data: Data) -> "Analysis":
@@ -141,6 +145,7 @@ def page(data: Data, command: str, laws: dict[str, Any] | None = None) -> str:
         count_columns=[short(stokes) for stokes in sorted(data.references["stokes"].unique())],
         kinds=KINDS,
         study=random_study,
+        # Of a part of the study: how many references it has, and how many the whole study has.
         first=random_study.first_references(data),
         every=len(random_study.tasks(random_study.BODIES)),
         shares=shares,
@@ -285,7 +290,10 @@ def _gain_at(
 
 
 def _slower(data: Data, runs: Frame) -> dict[str, list[tuple[str, float, float]]]:
-    """Kinds and errors for which an order is slower than the full equations where 97.5 % meet the error."""
+    """By order the kinds and errors for which it is slower than the full equations where 97.5 % meet the error.
+
+    The third number is the ratio of `gains`, below 1.
+    """
     slower: dict[str, list[tuple[str, float, float]]] = {}
     for order in (ORDER_ONE, ORDER_TWO):
         slower[order] = []
@@ -366,7 +374,7 @@ def _crossing_kind(exponent: Exponent) -> str:
 
 
 def _against_theory(fitted: Sequence[Exponent]) -> dict[tuple[str, str], list[Exponent]]:
-    """The exponents of the last decade measured of each kind, by order and error."""
+    """The exponents of each kind between the largest two St that give one, by order and error."""
     last: dict[tuple[str, str, str, bool], Exponent] = {}
     for exponent in sorted(fitted, key=lambda exponent: exponent.end):
         last[exponent.kind, exponent.order, exponent.error, exponent.crosses] = exponent
@@ -408,7 +416,10 @@ def _bounded_row(row: Bounded) -> dict[str, str]:
 
 
 def reference_rows(data: Data) -> list[dict[str, str]]:
-    """Method, uncertainty and seconds of the references, by St."""
+    """Method, uncertainties (median / largest) and median seconds of the references, by St.
+
+    The columns of a reference are uncertainties, of L and E ("slow") and of the orientation ("turned").
+    """
     rows = []
     for stokes, references in data.references.groupby("stokes"):
         known = references[references["failure"] == ""]
@@ -461,12 +472,16 @@ def _band(group: Frame, column: str, order: str, crosses: bool) -> list[Band]:
         if end is None:
             return []
         ends.append(end)
+    # A St counts by its number of bodies: all quantiles have the same St.
     stokes = ends[0].stokes
     return [Band(order, crosses, stokes, *(tuple(end.error) for end in ends))]
 
 
 def _both(of_half: tuple[float, str], of_most: tuple[float, str]) -> str:
-    """St from which half of a kind and 97.5 % of it meet an error, each with its source; once if neither does."""
+    """St from which half of a kind and 97.5 % of it meet an error, each given with its source, in words.
+
+    What stands for a missing St is written once if it is the same for both.
+    """
     half = _needed(*of_half)
     most = _needed(*of_most)
     neither = half == most and half.startswith(("–", ">"))

@@ -52,13 +52,14 @@ def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
 
 
 def _lines(cases_errors: Sequence[Any], order: int, power: int, name: str) -> list[Line]:
-    """Errors of that name of each case, by an order of averaging that lets them fall like 1/St^power."""
+    """Errors of each case from the column `name`: those of an order of averaging, which fall like 1/St^power."""
     return [Line(order, power, errors["stokes"], errors[name]) for errors in cases_errors]
 
 
 def page(study: SecondOrderStudy, fitted: Sequence[Slope], command: str) -> str:
     """The report as Markdown."""
     second = _of_second_order(study.cost)
+    # Costs at the St at which all forms were timed.
     compared = [row for row in study.cost if row.stokes == second_order.COMPARED]
     # The slopes of each case, and the errors at its largest St.
     last = frame_of(SecondOrderErrors, study.orders).sort_values("stokes")
@@ -71,6 +72,8 @@ def page(study: SecondOrderStudy, fitted: Sequence[Slope], command: str) -> str:
         made=provenance(command, list(study.timed.values())),
         findings=findings(study),
         orders=frame_of(Slope, fitted).merge(last, on=["shape", "start"]).to_dict("records"),
+        # The form's cost at its smallest St, all forms' costs at one St, the form's at its largest St: each
+        # once. Templates take the study's numbers from the modules below.
         runs=dict.fromkeys([*second[:1], *compared, *second[-1:]]),
         timed=study.timed,
         measured=second_order,
@@ -84,6 +87,7 @@ def findings(study: SecondOrderStudy) -> list[str]:
     """Orders, estimates, gains and cost of the second order; nothing of what was not measured."""
     fitted = slopes(study.orders)
     passages = {"Through resonances": study.resonances, "Up to L² = 2EI₂": study.crossings}
+    # `shape` is a:b:c: three different numbers.
     triaxial = [slope for slope in fitted if len(set(slope.shape.split(":"))) == 3]
     full = [
         cost

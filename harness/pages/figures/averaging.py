@@ -1,7 +1,8 @@
 """Errors of averaging over random bodies against St, as bands by kind of body.
 
 `polhode accuracy` runs the study; `polhode.harness.pages.averaging.random_bodies` makes the bands. By
-averaging of first order the error falls like 1/St, by averaging of second order like 1/St².
+averaging of first order the error falls like 1/St, by averaging of second order like 1/St². Looks and
+sizes without a reason are chosen by eye (`style`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,6 +18,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator
 
 from polhode.harness.pages.figures.style import (
+    BAND_OPACITY,
     BLUE,
     INK,
     TITLE,
@@ -32,8 +34,9 @@ from polhode.harness.pages.figures.style import (
 # the free motion: its period is infinite there, so that averaging over it loses accuracy.
 _COLOURS = {False: BLUE, True: VERMILLION}
 _DASHES = {"first order": "-", "second order": "--"}
-# Bands in a row: a decade of the error is then as long as one of St, and slopes can be compared.
+# Panels in a row: at their width a decade of St is as long as one of the error in `_ROW`.
 _COLUMNS = 4
+_LINE_WIDTH = 1.6  # Points, of the line in the middle of a band.
 # Letters in a line of a panel's title, which the panel's width allows.
 _LETTERS_OF_TITLE = 15
 # Inches of a row: seven decades of St have 1.17, ten and a half of the error 1.75; the rest is for titles
@@ -46,7 +49,7 @@ _ERROR_STEP = 1000.0
 _MAX_TICKS = 20  # More than an axis has: the locator would else leave out some.
 # Ends of the axis of the error: of L and E over I_max, or of the orientation in rad.
 _ERRORS = (1e-10, 3.0)
-# St and error at which the dotted lines of slopes begin, and St at which they end.
+# St and error at which the dotted lines of slopes begin, and St at which they end: below the bands there.
 _SLOPES_FROM = (20.0, 1e-6)
 _SLOPES_TO = 1e3
 
@@ -78,9 +81,10 @@ def bands(titles: Mapping[str, Sequence[Band]], note: str = "") -> Figure:
     for axes, (title, panel) in zip(grid.flat, titles.items(), strict=False):
         for band in panel:
             shade = _COLOURS[band.crosses]
-            axes.fill_between(band.stokes, band.low, band.high, color=shade, alpha=0.2, linewidth=0)
-            style = {"color": shade, "linestyle": _DASHES.get(band.order, "--"), "linewidth": 1.6}
-            axes.loglog(band.stokes, band.middle, **style)
+            area = {"color": shade, "alpha": BAND_OPACITY, "linewidth": 0}
+            axes.fill_between(band.stokes, band.low, band.high, **area)
+            style = {"color": shade, "linestyle": _DASHES.get(band.order, "--")}
+            axes.loglog(band.stokes, band.middle, linewidth=_LINE_WIDTH, **style)
         words = "\n".join(wrap(title, _LETTERS_OF_TITLE))
         axes.set_title(words, loc="left", fontsize=TITLE, color=INK)
         axes.xaxis.set_major_locator(LogLocator(_STOKES_STEP, numticks=_MAX_TICKS))
@@ -111,7 +115,9 @@ def _handles(titles: Mapping[str, Sequence[Band]]) -> list[Line2D | Patch]:
     for crosses in (False, True):
         for order, dash in _DASHES.items():
             if any((band.order, band.crosses) == (order, crosses) for band in drawn):
-                style = {"color": _COLOURS[crosses], "linestyle": dash, "linewidth": 1.6}
-                handles.append(Line2D([], [], label=f"{order}{words[crosses]}, half", **style))
-    handles.append(Patch(facecolor=_COLOURS[False], alpha=0.2, label="2.5 to 97.5 % of the bodies"))
+                label = f"{order}{words[crosses]}, half"
+                style = {"color": _COLOURS[crosses], "linestyle": dash, "linewidth": _LINE_WIDTH}
+                handles.append(Line2D([], [], label=label, **style))
+    label = "2.5 to 97.5 % of the bodies"
+    handles.append(Patch(facecolor=_COLOURS[False], alpha=BAND_OPACITY, label=label))
     return handles

@@ -3,7 +3,8 @@
 An ensemble is many particles of one shape at one St, with random starts. p is the direction of the
 body's last axis. An attractor is a stable state of the averaged motion in simple shear; a particle
 has arrived at it once it stays near it to the end. L is the angular momentum; tables have it over
-the largest moment of inertia. x is the axis of the flow, y of its gradient, z of its vorticity.
+the largest moment of inertia. x is the axis of the flow, y of its gradient, z of its vorticity. Looks
+and sizes without a reason are chosen by eye (`style`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,9 +22,12 @@ from scipy.spatial.transform import Rotation
 
 from polhode.harness.common.text import short
 from polhode.harness.pages.figures.style import (
+    BAND_OPACITY,
     BLUE,
     INK,
     LETTERS,
+    SHARES_TO,
+    SMALL_LETTERS,
     SOFT,
     TITLE,
     VERMILLION,
@@ -37,15 +41,17 @@ from polhode.harness.pages.figures.style import (
 )
 
 _HEIGHT = 3.1  # Inches of both figures.
+_LINE_WIDTH = 1.6  # Points, of means and of shares that have arrived.
 # Dashes of the lines of one St: for the components x, y, z, and for the attractors; and the signs that
 # stand for them in a title.
 _DASHES = ("-", "--", ":")
 _DASH_SIGNS = ("—", "- -", "···")
 # In standard deviations: 95 % of a normal variable lie within this distance of its mean.
 _STANDARD = 1.96
-# Least distance between two names, over the height of a panel, and room at the panel's foot and top.
+# Names beside a panel, as shares of its height: their least distance, and the room at its foot and top.
 _NAME_SPACING = 0.09
 _NAME_MARGIN = 0.03
+_NAMES_LEFT = 1.02  # Left edge of these names, from the panel's left edge, over its width.
 # Rows of the tables that are drawn: of `moments`, means of p_x², p_y², p_z²; of `slow`, of L.
 _COMPONENTS = ("xx", "yy", "zz")
 _SLOW = ("Lx/Imax", "Ly/Imax", "Lz/Imax")
@@ -56,13 +62,14 @@ _SKETCH_PLACES = 7
 # The body's axes in that sketch, a column each: right, up and towards the eye. The angles are chosen
 # by eye.
 _VIEW = Rotation.from_euler("zyx", (-25, 25, -60), degrees=True).as_matrix()
+_BODY_COLOUR = "#DCE9F4"
 # Points of an ellipse of the sketch, one in every other degree: smooth at its size.
 _ELLIPSE_POINTS = 181
 # Length of the arrow of p beyond the body, over the longest semi-axis.
 _ARROW = 0.75
 # The inset of histograms in a panel: left, bottom, width and height, as shares of it.
 _HISTOGRAM = (0.43, 0.16, 0.4, 0.46)
-# Ends of its axis of shares: from one particle in 2000.
+# Ends of its axis of shares: from one particle in 2000 to a little above all.
 _HISTOGRAM_SHARES = (5e-4, 1.2)
 # Ends of the axis of speeds, particles in a second: they hold those of reports/sweep.
 _SPEEDS = (1e4, 1e6)
@@ -124,7 +131,8 @@ def _unit(stokes: float, slow: bool) -> float:
 def _means(axes: Axes, table: Any, shades: Mapping[float, str], slow: bool, oriented: bool) -> None:
     """Draw mean squares of p if the shape is `oriented`, else means of L, against time.
 
-    `shades` are colours by St; `slow` says that times are slow times.
+    `table` is `moments` or `slow`, as `picture` has it; `shades` are colours by St; `slow` says that times are
+    slow times.
     """
     column, components = ("moment", _COMPONENTS) if oriented else ("variable", _SLOW)
     if oriented:
@@ -137,10 +145,10 @@ def _means(axes: Axes, table: Any, shades: Mapping[float, str], slow: bool, orie
             times = line["time"].to_numpy(float) / _unit(stokes, slow)
             mean = line["mean"].to_numpy(float)
             band = _STANDARD * line["standard_error"].to_numpy(float)
-            axes.plot(times, mean, color=shades[stokes], ls=dash, linewidth=1.6)
-            axes.fill_between(
-                times, mean - band, mean + band, color=shades[stokes], alpha=0.2, linewidth=0
-            )
+            axes.plot(times, mean, color=shades[stokes], ls=dash, linewidth=_LINE_WIDTH)
+            area = {"color": shades[stokes], "alpha": BAND_OPACITY, "linewidth": 0}
+            axes.fill_between(times, mean - band, mean + band, **area)
+        # The x of "xx" or of "Lx/Imax".
         letter = component[-1] if oriented else component[1]
         name = f"$p_{letter}^2$" if oriented else f"$L_{letter}$"
         # A name stands at the mean of its lines' ends.
@@ -172,7 +180,7 @@ def _body(axes: Axes, semi_axes: Sequence[float]) -> None:
     along, sizes, _ = np.linalg.svd(ends[:2], full_matrices=False)
     turn = np.linspace(0, 2 * np.pi, _ELLIPSE_POINTS)
     circle = np.array([np.cos(turn), np.sin(turn)])
-    sketch.fill(*(along * sizes @ circle), facecolor="#DCE9F4", edgecolor=SOFT, linewidth=1.0)
+    sketch.fill(*(along * sizes @ circle), facecolor=_BODY_COLOUR, edgecolor=SOFT, linewidth=1.0)
     for first, second in ((0, 1), (1, 2), (2, 0)):
         # The ellipse in the plane of two axes; where its outward normal points away from the eye, it is
         # hidden.
@@ -203,14 +211,13 @@ def _name(axes: Axes, ends: Sequence[tuple[float, str]]) -> None:
     highest = 1 - _NAME_MARGIN - _NAME_SPACING * (len(ordered) - 1)
     heights = np.clip(free, _NAME_MARGIN, highest) + steps
     for (_, name), height in zip(ordered, heights, strict=True):
-        axes.text(
-            1.02, height, name, transform=axes.transAxes, va="center", color=INK, fontsize=LETTERS
-        )
+        style: dict[str, Any] = {"va": "center", "color": INK, "fontsize": LETTERS}
+        axes.text(_NAMES_LEFT, height, name, transform=axes.transAxes, **style)
 
 
 def _arrivals(axes: Axes, table: Any, shades: Mapping[float, str], slow: bool) -> None:
     """Draw the share of the particles that have arrived at each attractor against time, with its interval."""
-    axes.set_ylim(0, 1.03)
+    axes.set_ylim(0, SHARES_TO)
     axes.set_yticks([0, 0.5, 1], ["0", "50 %", "100 %"])
     axes.set_ylabel("share of the particles")
     if not len(table):
@@ -222,10 +229,11 @@ def _arrivals(axes: Axes, table: Any, shades: Mapping[float, str], slow: bool) -
         times = line["time"].to_numpy(float) / _unit(stokes, slow)
         dash = _DASHES[names.index(attractor) % len(_DASHES)]
         shade = shades[stokes]
-        axes.plot(times, line["fraction"].to_numpy(float), color=shade, ls=dash, linewidth=1.6)
+        style = {"color": shade, "ls": dash, "linewidth": _LINE_WIDTH}
+        axes.plot(times, line["fraction"].to_numpy(float), **style)
         low = line["low"].to_numpy(float)
         high = line["high"].to_numpy(float)
-        axes.fill_between(times, low, high, color=shade, alpha=0.2, linewidth=0)
+        axes.fill_between(times, low, high, color=shade, alpha=BAND_OPACITY, linewidth=0)
     words = [
         f"{sign + ' ' if len(names) > 1 else ''}{name}"
         for sign, name in zip(_DASH_SIGNS, names, strict=False)
@@ -252,8 +260,10 @@ def _histogram(axes: Axes, table: Any, shades: Mapping[float, str]) -> None:
     inset.xaxis.set_major_locator(MaxNLocator(2))
     inset.set_yticks([1e-3, 1e-1], ["0.1 %", "10 %"])
     inset.minorticks_off()
-    inset.set_title("$L_z$, start dotted", fontsize=9, color=INK, loc="left", pad=2)
+    title = "$L_z$, start dotted"
+    inset.set_title(title, fontsize=SMALL_LETTERS, color=INK, loc="left", pad=2)
     plain(inset)
+    # Smaller yet: the numbers of both axes have little room.
     inset.tick_params(labelsize=8.5)
     inset.yaxis.tick_right()
     inset.spines["right"].set_visible(True)

@@ -2,6 +2,7 @@
 
 `hybrid` averages the parts of a run where that is accurate enough for the tolerance, and solves the
 full equations in the others. `polhode.harness.averaging.hybrid` makes the tables that are drawn.
+Looks and sizes without a reason are chosen by eye (`style`).
 """
 
 from typing import Any
@@ -33,6 +34,7 @@ _LARGEST_RATIO = 30.0
 _LEAST_GAIN = 0.7
 # Dashes of the two kinds of bodies.
 _BODIES = {"spheroids": "-", "triaxial": "--"}
+_LINE_WIDTH = 1.8  # Points, of a distribution.
 
 
 def errors_and_speed(runs: Any, speeds: Any, note: str = "") -> Figure:
@@ -93,8 +95,10 @@ def _errors(axes: Axes, runs: Any, shades: dict[float, str]) -> None:
         shares = np.arange(1, len(ratios) + 1) / len(stokes_runs)
         # A run without an error stands at the left edge too: 0 has no place on a logarithmic axis.
         ratios = np.maximum(ratios, _LEAST_RATIO)
-        axes.step(ratios, shares, where="post", color=shades[float(str(stokes))], linewidth=1.8)
+        shade = shades[float(str(stokes))]
+        axes.step(ratios, shares, where="post", color=shade, linewidth=_LINE_WIDTH)
         missed = ratios > 1
+        # Circles at the edge of the panel stand out whole, and move nothing.
         style = {"marker": "o", "markersize": 6, "fillstyle": "none", "linewidth": 0}
         style |= {"clip_on": False, "in_layout": False}
         axes.plot(ratios[missed], shares[missed], color=INK, zorder=3, **style)
@@ -116,11 +120,11 @@ def _speeds(axes: Axes, speeds: Any, shades: dict[float, str]) -> None:
         dash = _BODIES.get(str(bodies), "-")
         axes.step(
             np.append(gains, gains[-1:]),
-            np.append(shares, 1.0)[: len(gains) + 1],
+            np.append(shares, 1.0),
             where="pre",
             color=shades[float(str(stokes))],
             linestyle=dash,
-            linewidth=1.8,
+            linewidth=_LINE_WIDTH,
         )
     axes.axvline(1.0, color=INK, linewidth=1.0)
     axes.set_xscale("log")

@@ -2,6 +2,7 @@
 
 Columns are St, rows requested errors. A cell has the colour and the letters of the cheapest method
 there, its winner. A side is a kind of method: implicit, explicit, made for large St, or averaged.
+Looks and sizes without a reason are chosen by eye (`style`).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,7 +21,9 @@ from polhode.harness.common.text import short
 from polhode.harness.pages.figures.style import (
     INK,
     LETTERS,
+    SMALL_LETTERS,
     TITLE,
+    TITLE_LEFT,
     WIDTH,
     caption,
     colour,
@@ -44,7 +47,7 @@ MAP_ERRORS = {
     "orientation_error": ("orientation", "Full solution: orientation error, rad"),
     "slow_error": ("slow variables", "Slow variables: error over $I_{max}$"),
 }
-# Letters of the winner, which stand in a cell beside the colour.
+# Letters of the winner, which stand in a cell beside the colour. Others have the first two of their name.
 CODES = {
     "taylor": "T",
     "cyrk-vern8": "V8",
@@ -76,12 +79,11 @@ _LEFT = 0.62  # Numbers and label of the error.
 _ROW = 0.27  # Height of a cell.
 _BELOW = 0.45  # Rows of St and t below the cells.
 _TITLE_ROOM = 0.32  # The title above the cells.
-_RIGHT = 0.05
+_RIGHT = 0.05  # From the cells to the figure's edge.
 _LARGEST_COLUMN = 0.8  # Width of a cell, at most.
 _KEY_LINE = 0.185  # A line of the key.
 _BELOW_KEY = 0.1
-_TITLE_LEFT = 0.06  # From the figure's edge to the title.
-# The key has room for so many columns; of fewer each is as wide.
+# Columns that the key has room for; with fewer, each is as wide.
 _KEY_COLUMNS = 4
 # The rows of words below a map, in points: from its foot to the first one, and from one to the next.
 _FIRST_ROW = 9
@@ -114,7 +116,8 @@ def picture(panel: Sequence[Cell], times: Mapping[float, float], title: str, not
     box = (_LEFT / WIDTH, _BELOW / height, width / WIDTH, _ROW * rows / height)
     axes = drawing.add_axes(box)
     draw(axes, panel)
-    title_at = (_TITLE_LEFT - _LEFT) / width
+    # From the left edge of the cells, over their width.
+    title_at = (TITLE_LEFT - _LEFT) / width
     axes.set_title(title, fontsize=TITLE, loc="left", color=INK, x=title_at, pad=7)
     axes.set_ylabel("error allowed", fontsize=LETTERS, color=INK)
     _durations(axes, sorted({cell.stokes for cell in panel}), times)
@@ -125,7 +128,8 @@ def picture(panel: Sequence[Cell], times: Mapping[float, float], title: str, not
             1,
             loc="upper left",
             bbox_to_anchor=(place / max(_KEY_COLUMNS, len(entries)), 1.0),
-            fontsize=9,
+            fontsize=SMALL_LETTERS,
+            # In units of the letters' size.
             handlelength=1.1,
             handletextpad=0.4,
             labelspacing=0.3,
@@ -149,7 +153,7 @@ def by_side(methods: Iterable[Method]) -> list[tuple[tuple[str, str], list[str]]
 
 
 def draw(axes: Axes, panel: Sequence[Cell]) -> Axes:
-    """Draw one map: colour and letters name the winner, a corner who ties with it."""
+    """Draw one map on axes, which are returned: colour and letters name the winner, a corner who ties with it."""
     # Cell (i, j) is a unit square at x = i, y = j; j grows downwards, with tighter errors.
     numbers = sorted({cell.stokes for cell in panel})
     targets = sorted({cell.target for cell in panel}, reverse=True)

@@ -1,4 +1,8 @@
-"""Errors of averaging against St, case by case, beside the predicted slopes."""
+"""Errors of averaging against St, case by case, beside the predicted slopes.
+
+A case is a body with a start (`polhode.harness.averaging.cases`). Looks and sizes without a reason are
+chosen by eye (`style`).
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -24,7 +28,7 @@ _MARKERS = {1: "o", 2: "s"}
 _NAMES = {1: "first order", 2: "second order"}
 _HEIGHT = 5.9  # Inches.
 _MARGINS = {"x": 0.1, "y": 0.05}  # Shares of a panel's sides around its lines; chosen by eye.
-# Share of the errors that lie below a dotted line of the predicted slope.
+# Share of the errors that lie below a dotted line of the predicted slope; a choice.
 _SHARE_BELOW = 0.9
 
 

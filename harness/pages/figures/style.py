@@ -33,19 +33,22 @@ from polhode.solvers.catalogue import SOLVERS
 DPI = 150  # Pixels in an inch of a saved figure.
 WIDTH = 838 / DPI  # Inches.
 LETTERS = 9.5  # Points: all words and numbers.
+SMALL_LETTERS = 9  # Points: names and keys that have no room for `LETTERS`.
 TITLE = 10.5  # Points: the title of a panel.
+TITLE_LEFT = 0.06  # Inches from the figure's left edge to a title or a caption.
 INK = "#1B222C"  # Words and axes.
 SOFT = "#4A5361"  # Captions.
 _GRID = "#D9DEE5"  # Lines of a panel's grid.
 GREY = "#C4C4C4"  # What is not known.
 BEHIND = "#BDBDBD"  # What is shown, and not named.
+BAND_OPACITY = 0.2  # Of an area about a line: bands that overlap stay distinct.
+SHARES_TO = 1.03  # Top of an axis of shares: above 1, with room for the width of a line there.
 # The caption of a figure.
 _CAPTION_SIZE = 9  # Points: its letters.
 _CAPTION_SPACING = 1.25  # From line to line, over Matplotlib's height of a line.
 _CAPTION_LINE = 0.175  # Inches: the room for a line.
 _CAPTION_LETTERS = 82  # In a line at most: so many fit into the width at that size.
 _CAPTION_BELOW = 0.04  # Inches below the text.
-_CAPTION_LEFT = 0.06  # Inches at its left.
 _CAPTION_MARGIN = 0.08  # Inches above and below it together.
 # Matplotlib's settings for all figures.
 RC: dict[Any, Any] = {
@@ -229,8 +232,7 @@ def plain(axes: Axes) -> Axes:
 
 def percent_axis(axes: Axes) -> None:
     """Let the vertical axis show shares from 0 to 100 %."""
-    # Room above 1, for the width of a line there.
-    axes.set_ylim(0, 1.03)
+    axes.set_ylim(0, SHARES_TO)
     axes.set_yticks([0, 0.25, 0.5, 0.75, 1], ["0", "", "50 %", "", "100 %"])
 
 
@@ -266,7 +268,7 @@ def caption(figure: Figure, text: str) -> None:
             place = box.x0, from_below / height_now
             axes.set_position((*place, box.width, box.height * height / height_now))
     figure.text(
-        _CAPTION_LEFT / width,
+        TITLE_LEFT / width,
         _CAPTION_BELOW / (height + room),
         "\n".join(lines),
         fontsize=_CAPTION_SIZE,

@@ -1,8 +1,9 @@
 """Figures of runs: cost against error, on axes that are given back; who is robust or fast, as profiles.
 
 `work_precision` draws one panel on given axes, `panels` a whole figure of them. There errors fall to
-the right, so that better runs are lower and further right. `profiles` and `heat_map` read a table of
-seconds: a row for each problem, a column for each method.
+the right, so that better runs are lower and further right. `profiles` reads a table of seconds, and
+`heat_map` one of their ratios: a row for each problem, a column for each method. Looks and sizes without
+a reason are chosen by eye (`style`).
 
 A problem of the profiles is a scene, a Stokes number and an error to be reached. E. D. Dolan and J.
 J. Moré, Benchmarking optimization software with performance profiles, Math. Program. 91 (2002);
@@ -35,7 +36,9 @@ from polhode.harness.pages.figures.style import (
     GREY,
     INK,
     LETTERS,
+    SMALL_LETTERS,
     TITLE,
+    TITLE_LEFT,
     WIDTH,
     caption,
     is_averaged,
@@ -75,6 +78,10 @@ _MAX_WRITTEN_DECADES = 7
 # A panel lower than a decade of the time is extended by this factor at both ends: one power of ten, at
 # least, then stands on its axis.
 _EXTENSION = 3
+# Ticks of an axis, more than any has: the locator would else leave out some.
+_MAX_TICKS = 30
+# Points from a panel's top to its title: room for the hollow markers of runs without a result.
+_TITLE_DISTANCE = 13
 # Inches of a figure of panels.
 _LEFT = 0.72  # Numbers and label of the time.
 _NAMES_WIDTH = 1.5  # Names beside a panel.
@@ -88,9 +95,8 @@ _KEY_MARGIN = 0.06  # Room below the key.
 _KEY_LETTERS = 68  # Letters for which two columns of the key, together, have room.
 # Points, of names beside a panel.
 _NAME_SPACING = 12.5  # The least distance between two lines of names.
-_NAME_OFFSET = (
-    24.0  # From the panel's edge to a name: room for a marker and the line that leads there.
-)
+# From the panel's edge to a name: room for a marker and the line that leads there.
+_NAME_OFFSET = 24.0
 _MARKER_OFFSET = 9.0  # From a name back to the middle of its marker.
 _DASH = 5.0  # Half the length of the dash that stands for a line without a marker.
 _BEHIND_NAME = "nowhere on the front"
@@ -102,14 +108,15 @@ _NINE_IN_TEN = 0.9
 _PROFILES_HEIGHT = 4.6  # Inches of the figure of profiles.
 # The axis of seconds of the profiles goes beyond the least and the largest time by this factor.
 _BEYOND = 1.1
-# Methods that the figure names, those that are fast and sure; the others are grey.
+# Methods that the figure names, those that are fast and sure; the others are grey. A choice.
 NAMED = 7
 # Ratios below which the heat map writes "1", in bold, and below which it writes a number at all: "9.9"
 # is the longest text that fits into a cell.
 _FASTEST_BELOW = 1.05
 _WRITTEN_BELOW = 9.95
-# Ratios of the heat map's key.
+# Ratios of the heat map's key, to the largest that has a shade of its own.
 _KEY_RATIOS = (1, 2, 5, 10, 30, 100)
+_LARGEST_SHADED = 100.0
 
 
 class _Limits(NamedTuple):
@@ -307,6 +314,7 @@ def _grey_behind(lines: Sequence[Line2D]) -> None:
     named = set()
     for line in lines:
         label = str(line.get_label())
+        # Pale lines alone have an opacity (`work_precision`).
         if line.get_alpha() is not None:
             line.set(color=BEHIND, marker="", alpha=1.0, label=f"_{label}")
         elif _has_name(line):
@@ -449,7 +457,7 @@ def panels(
     grid = [drawing.add_subplot() for _ in groups]
     for axes, (title, runs), ends, height in zip(grid, groups, limits, heights, strict=True):
         _draw_panel(axes, runs, error, ends, height / decade)
-        axes.set_title(title, fontsize=TITLE, loc="left", pad=13, color=INK)
+        axes.set_title(title, fontsize=TITLE, loc="left", pad=_TITLE_DISTANCE, color=INK)
     grid[-1].set_xlabel(f"{label}, smaller to the right", fontsize=LETTERS, color=INK)
     handles = _key_of(grid)
     columns = _key_columns(handles)
@@ -483,10 +491,9 @@ def _draw_panel(
     most_time = max(ends.most_time, ends.least_time + time_decades)
     axes.set_ylim(10.0**ends.least_time, 10.0**most_time)
     step = 100.0 if ends.error_decades > _MAX_WRITTEN_DECADES else 10.0
-    # More ticks than an axis has: the locator would else leave out some.
-    axes.xaxis.set_major_locator(LogLocator(step, numticks=30))
+    axes.xaxis.set_major_locator(LogLocator(step, numticks=_MAX_TICKS))
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.yaxis.set_major_locator(LogLocator(10.0, numticks=30))
+    axes.yaxis.set_major_locator(LogLocator(10.0, numticks=_MAX_TICKS))
     axes.set_ylabel("time, s", fontsize=LETTERS, color=INK)
 
 
@@ -537,7 +544,10 @@ def _write_key(drawing: Figure, handles: Sequence[Any], columns: int) -> None:
 
 
 def times(table: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
-    """Seconds to each error, NaN without: a row for each problem that somebody solves, a column for each method."""
+    """Seconds to each of `TARGETS`, NaN without: a row for each problem that somebody solves, a column for each method.
+
+    `error` is the column of `table` that has to meet them.
+    """
     groups = []
     for _, scene_runs in by_scene(table):
         groups += [runs for _, runs in by_stokes(scene_runs)]
@@ -638,6 +648,7 @@ def profiles(seconds: pd.DataFrame, note: str = "") -> Figure:
     ):
         axes.set_xscale("log")
         percent_axis(axes)
+        # In these low panels less room above 1 than `percent_axis` leaves.
         axes.set_ylim(0, 1.02)
         axes.set_xlabel(label)
         title = f"Share of {len(seconds)} problems solved"
@@ -665,19 +676,19 @@ def _profile(values: np.ndarray, count: int, end: float) -> tuple[np.ndarray, np
 
 
 def heat_map(
-    ratios: pd.DataFrame, titles: Sequence[str], note: str = "", most: float = 100.0
+    ratios: pd.DataFrame, titles: Sequence[str], note: str = "", most: float = _LARGEST_SHADED
 ) -> Figure:
     """Ratios of times to the fastest one: a row for each problem, a column for each solver, a panel for each title.
 
     `ratios` has two levels of rows: a value for each title, in their order, and the names of the problems.
     Shades end at the ratio `most`. Numbers stand where a solver is within 10 times the fastest. A cell is
-    white where no run reaches the error.
+    white where no run reaches the error. `note` stands below.
     """
     names = [str(name) for name in ratios]
     rows = [str(row) for row in ratios.index.get_level_values(1).unique()]
     # Inches.
     left = 1.25  # Names of rows.
-    right = 0.05
+    right = 0.05  # From the cells to the figure's edge.
     title_height = 0.32
     bottom = 0.95  # Names of columns.
     key_height = 0.5
@@ -712,15 +723,16 @@ def heat_map(
             loc="left",
             color=INK,
             pad=4,
-            x=(0.06 - left) / (cell * len(names)),
+            # From the left edge of the cells, over their width.
+            x=(TITLE_LEFT - left) / (cell * len(names)),
         )
         axes.set_ylim(len(rows), 0)
-        axes.set_yticks(np.arange(len(rows)) + 0.5, rows, fontsize=9, color=INK)
+        axes.set_yticks(np.arange(len(rows)) + 0.5, rows, fontsize=SMALL_LETTERS, color=INK)
         axes.tick_params(length=0)
         axes.spines[:].set_visible(False)
         axes.xaxis.set_major_locator(FixedLocator([]))
     grid[-1].set_xticks(
-        np.arange(len(names)) + 0.5, names, fontsize=9, color=INK, rotation=90, va="top"
+        np.arange(len(names)) + 0.5, names, fontsize=SMALL_LETTERS, color=INK, rotation=90, va="top"
     )
     handles = []
     for ratio in _KEY_RATIOS:
@@ -733,13 +745,13 @@ def heat_map(
         handles,
         len(handles),
         loc="upper left",
-        fontsize=9,
+        fontsize=SMALL_LETTERS,
         handlelength=1.0,
         columnspacing=0.9,
         handletextpad=0.4,
         borderaxespad=0.1,
         title="Time over that of the fastest",
-        title_fontsize=9,
+        title_fontsize=SMALL_LETTERS,
         alignment="left",
     )
     caption(figure, note)
