@@ -98,6 +98,7 @@ def _splitting(
     ratios = []
     for scene in dict.fromkeys(table["scene_name"].astype(str)):
         groups = by_stokes(where(table, table["scene_name"] == scene))
+        # The study has one form, `spheroid-axis`: a column's solver is name enough.
         all_times: Any = costs(groups, _ERRORS).droplevel(0, axis=1)
         for stokes, _ in groups:
             cells = []
