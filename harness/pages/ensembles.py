@@ -30,7 +30,7 @@ from polhode.harness.pages.figures.style import measured, save
 from polhode.harness.pages.tables import fill
 
 # Files beside the page, and the function that makes an ensemble's rows of each from the ensemble and its
-# statistics; `texts/sweep.md` describes them. Of `mean_rows`, `of` names the statistic; the other keyword
+# statistics; `texts/sweep.md` describes them. In `mean_rows`, `of` names the statistic. The other keyword
 # names a column, with its entries.
 _FILES = {
     "moments.csv": summary.moment_rows,

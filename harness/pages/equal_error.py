@@ -132,7 +132,7 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
     overheads = []
     for overhead in measured.overheads:
         row = asdict(overhead)
-        # What `solve` takes beyond the bare call: in µs, over the time of that call, and whether the study
+        # The time of `solve` beyond the bare call: in µs, over the time of that call, and whether the study
         # allows so much.
         row["extra"] = 1e6 * overhead.seconds
         row["share"] = overhead.seconds / overhead.bare

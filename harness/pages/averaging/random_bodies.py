@@ -145,7 +145,7 @@ def page(data: Data, command: str, laws: dict[str, Any] | None = None) -> str:
         count_columns=[short(stokes) for stokes in sorted(data.references["stokes"].unique())],
         kinds=KINDS,
         study=random_study,
-        # Of a part of the study: how many references it has, and how many the whole study has.
+        # If the data are a part of the study: how many references they have, and how many the study has.
         first=random_study.first_references(data),
         every=len(random_study.tasks(random_study.BODIES)),
         shares=shares,
@@ -472,7 +472,7 @@ def _band(group: Frame, column: str, order: str, crosses: bool) -> list[Band]:
         if end is None:
             return []
         ends.append(end)
-    # A St counts by its number of bodies: all quantiles have the same St.
+    # `quantile` leaves out St with few bodies: these are the same for all shares.
     stokes = ends[0].stokes
     return [Band(order, crosses, stokes, *(tuple(end.error) for end in ends))]
 
@@ -480,7 +480,7 @@ def _band(group: Frame, column: str, order: str, crosses: bool) -> list[Band]:
 def _both(of_half: tuple[float, str], of_most: tuple[float, str]) -> str:
     """St from which half of a kind and 97.5 % of it meet an error, each given with its source, in words.
 
-    What stands for a missing St is written once if it is the same for both.
+    The sign of a missing St is written once if it is the same for both.
     """
     half = _needed(*of_half)
     most = _needed(*of_most)

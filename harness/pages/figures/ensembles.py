@@ -131,7 +131,7 @@ def _unit(stokes: float, slow: bool) -> float:
 def _means(axes: Axes, table: Any, shades: Mapping[float, str], slow: bool, oriented: bool) -> None:
     """Draw mean squares of p if the shape is `oriented`, else means of L, against time.
 
-    `table` is `moments` or `slow`, as `picture` has it; `shades` are colours by St; `slow` says that times are
+    `table` is `moments` or `slow`, as `picture` has it. `shades` are colours by St. `slow` says that times are
     slow times.
     """
     column, components = ("moment", _COMPONENTS) if oriented else ("variable", _SLOW)

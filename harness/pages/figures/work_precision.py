@@ -314,7 +314,7 @@ def _grey_behind(lines: Sequence[Line2D]) -> None:
     named = set()
     for line in lines:
         label = str(line.get_label())
-        # Pale lines alone have an opacity (`work_precision`).
+        # Pale lines alone have an opacity (`work_precision`, `profiles`).
         if line.get_alpha() is not None:
             line.set(color=BEHIND, marker="", alpha=1.0, label=f"_{label}")
         elif _has_name(line):
