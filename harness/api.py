@@ -78,6 +78,7 @@ class Plan:
             answer = meet(runner, self.methods, error, want, self.estimate, watch)
             stated = answer.error
             if self.estimate:
+                # Where the error is not confirmed, the statement says what to do instead.
                 stated = advised(answer, self.scene, error, want)
         else:
             answer = confirm(runner, self.methods[0], self.tolerance, self.estimate, watch)
@@ -88,7 +89,7 @@ class Plan:
         solution = with_events(solution, events) if events else solution
         if self.times[0] == 0 or len(solution.times) == 1:
             return solution
-        # The row of the start was not requested.
+        # The row of the start was not requested. A run that failed at once has no other, and keeps it.
         return solution.rows(slice(1, None))
 
     def _check(self, runner: Runner, events: Sequence[Event]) -> None:
@@ -142,11 +143,14 @@ def plan(
     if times is not None and samples != DEFAULT_SAMPLES:
         raise ValueError(f"samples: got {samples} beside times, expected one of them")
     end = checked_scene.time
-    rows = np.linspace(0.0, end, samples) if times is None else increasing("times", times, 0.0, end)
-    if not rows[-1]:
+    output_times = (
+        np.linspace(0.0, end, samples) if times is None else increasing("times", times, 0.0, end)
+    )
+    if not output_times[-1]:
+        # The message shows the beginning of a long sequence.
         raise ValueError(f"times: got {times!r:.60}, expected one after the start")
-    if rows[-1] != checked_scene.time:
-        checked_scene = replace(checked_scene, time=float(rows[-1]))
+    if output_times[-1] != checked_scene.time:
+        checked_scene = replace(checked_scene, time=float(output_times[-1]))
     check_request(error, want)
     error = float(error)
     if tolerance is not None:
@@ -156,7 +160,13 @@ def plan(
     requested = None if tolerance else (error, want)
     first = tolerance or first_tolerance(checked_scene, methods[0], error, want)
     return Plan(
-        checked_scene, methods, float(first), rows, requested, estimate, {methods[0].form: problem}
+        checked_scene,
+        methods,
+        float(first),
+        output_times,
+        requested,
+        estimate,
+        {methods[0].form: problem},
     )
 
 
@@ -170,7 +180,7 @@ def _methods(
 ) -> tuple[Method, ...]:
     """Methods to try in turn, none of which refuses the scene; raises ValueError where all do."""
     equations = find_form(form) if form is not None else None
-    method = find_solver(solver) if solver is not None else None
+    given_solver = find_solver(solver) if solver is not None else None
     if equations:
         equations.require_flow(scene)
         equations.check(scene)
@@ -179,8 +189,8 @@ def _methods(
             raise ValueError(f"want: {got}, expected 'slow' or another form")
     if not tolerance:
         check_answerable(scene, error, want)
-    if equations or method or tolerance:
-        methods = [method_for(scene, equations, method)]
+    if equations or given_solver or tolerance:
+        methods = [method_for(scene, equations, given_solver)]
     else:
         methods = methods_for(scene, error, want)
     return tuple(methods)
@@ -309,6 +319,7 @@ def pick(
     >>> best = pick("paper", error=1e-6).ranking[0]
     """
     check_samples(samples)
+    # The race looks methods up by name: objects of one's own have "module:class".
     forms = [FORMS.name_of(find_form(form)) or ""] if form else list(FORMS)
     solvers = [SOLVERS.name_of(find_solver(solver)) or ""] if solver else list(SOLVERS)
     names = list(product(forms, solvers)) if form or solver else []

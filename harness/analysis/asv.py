@@ -2,7 +2,7 @@
 
 asv keeps a folder for each machine in which each commit has a file, and beside these a list of all
 benchmarks. A benchmark has parameters, here solver and tolerance, and a result for each pair of
-them.
+them. Keys and names that asv prescribes are written as they are, and empty where a run has nothing for them.
 """
 
 import json
@@ -63,6 +63,7 @@ def write_asv(path: Path, folder: Path) -> Path:
     milliseconds = _date(contents)
     machine = _machine(contents["machine_info"]["node"], records[0]["machine"])
     python = records[0]["machine"]["python"]
+    # asv calls an environment so that it did not make itself.
     environment = f"existing-py{python}"
     tables = _tables(records)
     # Each list is in the order of `_COLUMNS`.
@@ -94,7 +95,7 @@ def write_asv(path: Path, folder: Path) -> Path:
 def _commit(path: Path, contents: Any) -> str:
     """The commit of the run; ValueError, in one line, if the file names none."""
     commit = contents.get("commit_info", {}).get("id")
-    # A whole SHA-256 has 64 digits.
+    # A whole commit has 40 digits by SHA-1, 64 by SHA-256.
     pattern = rf"[0-9a-f]{{{_COMMIT_DIGITS},64}}"
     if isinstance(commit, str) and re.fullmatch(pattern, commit):
         return commit
@@ -108,7 +109,11 @@ def _date(contents: Any) -> int:
 
 
 def _machine(node: str, machine: Mapping[str, Any]) -> dict[str, str]:
-    """A machine as asv describes it; a folder has its name."""
+    """A machine as asv describes it; a folder has its name.
+
+    `node` is the machine's name in the network. `machine` is what a record says of it. Its "system" has the
+    system and the architecture, as in "Linux x86_64".
+    """
     name = re.sub(r"[^A-Za-z0-9._-]", "-", node) or "machine"
     system, _, _ = machine["system"].partition(" ")
     _, _, architecture = machine["system"].rpartition(" ")
@@ -151,6 +156,7 @@ def _tables(records: Sequence[Record]) -> dict[str, dict[str, Any]]:
         for series, (column, kind, unit) in _SERIES.items():
             tables[f"{scene}.St{in_full(stokes)}.{form}.{series}"] = {
                 "result": [_value(run, column) for run in ordered_runs],
+                # asv lists the values of parameters as Python writes them.
                 "params": [list(map(repr, solvers)), list(map(in_full, tolerances))],
                 "type": kind,
                 "unit": unit,

@@ -34,7 +34,7 @@ _IDENTITY = [
     "jacobian",
 ]
 # Errors up to this one, over I_max or in rad, do not count, however well the reference is known: they are
-# rounding. An estimate: some hundred roundings of a double.
+# rounding. An estimate: some 450 times the distance of doubles near 1.
 _LEAST_ERROR = 1e-13
 # Seconds: a smaller change in time is the clock's and the call's. An estimate.
 _LEAST_SECONDS = 2e-5
@@ -69,8 +69,8 @@ def compare(
     """Compare two frames of records.
 
     A time that grows by a factor of more than `slower` is a regression, and so is an error that
-    grows by more than `less_accurate`. Changes within the scatter of the times, or within what the
-    reference resolves, are none.
+    grows by a factor of more than `less_accurate`. Changes within the scatter of the times, or within what
+    the reference resolves, are none. A run that fails, and did not before, is a regression too.
     """
     first = _by_identity(before)
     second = _by_identity(after)
@@ -151,7 +151,8 @@ def _changes(
 def _missed_limit_by_chance(before: Record, after: Record, allowed: float) -> bool:
     """Whether a run ended at its time limit that came near it before.
 
-    Near is a time that reaches the limit if it grows by the factor `allowed`.
+    Near is a time that reaches the limit if it grows by the factor `allowed`. The time that counts for the
+    limit is "counted_seconds", that of the first run.
     """
     if after["status"] != Status.TIME_LIMIT:
         return False
@@ -211,7 +212,8 @@ def read_runs(path: Path) -> pd.DataFrame:
     """Records as a frame, from a file or a folder.
 
     A file is JSON of the benchmark suite, a ``.sqlite`` store, or a store's ``.jsonl`` export; a
-    folder has several files of JSON.
+    folder has several files of JSON. Raises ValueError, in one line, if a file is none of these or holds
+    no record, OSError if it cannot be read.
     """
     if path.is_dir():
         records = [*chain.from_iterable(map(_records, sorted(path.glob("*.json"))))]

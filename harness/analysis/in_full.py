@@ -1,8 +1,8 @@
 """Runs of form `hybrid` that average nothing: full equations under another name.
 
 Form `hybrid` averages only the segments in which that pays (`docs/second-order.md`, section 10). A
-run without such a segment is no win of averaging, and pages must not count it as one. Nor has it
-the tolerance of its name: `hybrid` gives the full equations another one.
+run without such a segment is no win of averaging, and pages must not count it as one. Nor does its row show
+the tolerance of its solver: `hybrid` makes of the run's tolerance another one for the full equations.
 """
 
 from collections.abc import Sequence

@@ -31,8 +31,8 @@ _TAILORED_FAMILY = "polhode"
 # Errors of a page's tables of winners, from the loosest to the tightest: where averaging may win, each power
 # of ten, below that every second one.
 TARGETS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
-# A time within this factor of the fastest ties with it. Noise of the machine makes two thirds of
-# the 15 %.
+# A time within this factor of the fastest ties with it. An estimate: two thirds of the 15 % are for the
+# machine's noise. With twice the 15 % more cells of the map are ties.
 TIE = 1.15
 # A run counts on the front of all methods only if it lowers the error by this factor: less may be
 # rounding. An estimate.

@@ -2,7 +2,8 @@
 
 A part is left out by another value of one constant or function. On each scene held out the choices of all
 these races are timed in turns, beside the choice with all parts, and their errors are measured. A part that
-changes no choice for the better and spares no asking is not needed.
+changes no choice for the better, and spares no time of asking, is not needed. A row is what one race chose on
+one scene.
 """
 
 from collections.abc import Callable, Iterator
@@ -76,9 +77,9 @@ def left_out(part: Part) -> Iterator[None]:
 def study(store: Store, seed: int, count: int, quiet: bool = False) -> list[Record]:
     """Race random scenes with all parts and without each, into a store; a row for each scene and race.
 
-    Keys: `scene`; `without`, the words of the part or `ALL_PARTS`; `choice`, empty where the error is
-    refused; `seconds` and `error` of the choice, `met`; `asking` in seconds. Scenes without a reference are
-    left out.
+    Keys: `scene`; `without`, the words of the part or `ALL_PARTS`; `choice`, form, solver and tolerance in a
+    line, empty where the error is refused; `seconds` and `error` of the choice, NaN without one; `met`,
+    whether it met the error requested; `asking` in seconds. Scenes without a reference are left out.
     """
     rows: list[Record] = []
     bar = Steps("ablation", count, "scenes", quiet).over(questions(seed, count))
@@ -132,34 +133,34 @@ def measured(question: Question, first: int = 0) -> Record:
 def compared(rows: Any) -> list[Record]:
     """For each part, the races without it beside those with all parts, from the data frame of all rows.
 
-    `slower` and `quicker` count the scenes where the choice takes `NEAR` times as long or more, and the
-    other way round; both met the error. `lost` and `won` count those where the choice misses the error and
-    the one with all parts meets it, and the other way round. `asking` is the median
-    ratio of the seconds of asking, `asking_all` is the ratio of their sums.
+    `changed` counts the scenes with another choice. `slower` and `quicker` count those where the choice takes
+    `NEAR` times as long or more, and the other way round; both met the error. `lost` and `won` count those
+    where the choice misses the error and the one with all parts meets it, and the other way round. `asking`
+    is the median ratio of the seconds of asking, `asking_all` the ratio of their sums.
     """
     scenes = rows.pivot(
         index="scene", columns="without", values=["seconds", "met", "asking", "choice"]
     )
-    whole = scenes.xs(ALL_PARTS, axis="columns", level="without")
+    complete = scenes.xs(ALL_PARTS, axis="columns", level="without")
     comparisons = []
     for part in RACE_PARTS:
         if part.words not in scenes["choice"]:
             continue
-        mine = scenes.xs(part.words, axis="columns", level="without")
-        met = mine["met"].astype(bool)
-        whole_met = whole["met"].astype(bool)
-        ratio = (mine["seconds"] / whole["seconds"]).astype(float)
-        asking = (mine["asking"] / whole["asking"]).astype(float)
+        reduced = scenes.xs(part.words, axis="columns", level="without")
+        met = reduced["met"].astype(bool)
+        complete_met = complete["met"].astype(bool)
+        ratio = (reduced["seconds"] / complete["seconds"]).astype(float)
+        asking = (reduced["asking"] / complete["asking"]).astype(float)
         comparisons.append(
             {
                 "part": part.words,
-                "changed": int((mine["choice"] != whole["choice"]).sum()),
-                "slower": int((met & whole_met & (ratio >= NEAR)).sum()),
-                "quicker": int((met & whole_met & (ratio <= 1 / NEAR)).sum()),
-                "lost": int((whole_met & ~met).sum()),
-                "won": int((met & ~whole_met).sum()),
+                "changed": int((reduced["choice"] != complete["choice"]).sum()),
+                "slower": int((met & complete_met & (ratio >= NEAR)).sum()),
+                "quicker": int((met & complete_met & (ratio <= 1 / NEAR)).sum()),
+                "lost": int((complete_met & ~met).sum()),
+                "won": int((met & ~complete_met).sum()),
                 "asking": float(asking.median()),
-                "asking_all": float(mine["asking"].sum() / whole["asking"].sum()),
+                "asking_all": float(reduced["asking"].sum() / complete["asking"].sum()),
             }
         )
     return comparisons

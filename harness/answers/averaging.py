@@ -81,6 +81,7 @@ def compared(runner: Runner, run: Run) -> Confirmation:
         usual = Method(form, first_available(EXPLICIT))
     exact = _ended(runner.run(usual, min(run.tolerance, SHARP), MAX_STEPS), "a second run")
     numerical_error = difference(ellipsoid, run.observables, exact.observables)
+    # Second order alone states an error of its own.
     if hasattr(form, "estimate"):
         said: Any = form.estimate(runner.scene)  # pyright: ignore[reportAttributeAccessIssue]
         apart = _raised(numerical_error, said.slow, said.orientation)
@@ -98,6 +99,7 @@ def _of_segments(runner: Runner, run: Run) -> tuple[Difference, str]:
     """
     method = run.method
     if is_efficient(method.solver) and all(segment.averaged for segment in run.solution.segments):
+        # The run differs from itself by nothing: the estimate alone is left.
         return with_estimate(runner, run, run), "estimate of its segments"
     usual = method._replace(solver=first_available(EXPLICIT))
     looser = min(1.0, run.tolerance / TIGHTER)
@@ -142,6 +144,7 @@ def _surrogate_difference(runner: Runner, exact: Run, turns: float) -> tuple[np.
     # `COMPARED_TURNS`. Its averaged motion is that of `exact`, since it depends on the slow time alone.
     ratio = min(1.0, COMPARED_TURNS / max(turns, _NO_TURNS))
     surrogate = replace(scene, stokes=scene.stokes * ratio, time=scene.time * ratio)
+    # With more damping times than rotations the torque changes much within a rotation.
     if damping_times(surrogate) > COMPARED_TURNS:
         raise NotKnownError("St is too small to average over rotations")
     small = Runner(surrogate, np.array([0.0, surrogate.time]))
@@ -187,7 +190,10 @@ def crosses(scene: Scene, observables: Observables) -> bool:
 
 
 def oriented(scene: Scene) -> Scene:
-    """The scene itself, or one of those that a start by L and E alone stands for: the middle axis across L."""
+    """The scene itself, or one of those that a start by L and E alone stands for: the middle axis across L.
+
+    Raises NotKnownError for a start with L = 0 and no orientation.
+    """
     if not isinstance(scene.start, SlowStart):
         return scene
     ellipsoid = scene.ellipsoid

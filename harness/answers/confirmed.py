@@ -119,7 +119,10 @@ class Second(NamedTuple):
 def confirm(
     runner: Runner, method: Method, tolerance: float, estimate: bool = True, watch: Watch = None
 ) -> Answer:
-    """Run a method at a tolerance, and confirm the run by a second one if `estimate`."""
+    """Run a method at a tolerance, and confirm the run by a second one if `estimate`.
+
+    Raises Interrupted on Ctrl-C, with the rows that are finished.
+    """
     run = runner.run(method, tolerance, watch=watch)
     if not estimate:
         return Answer(method, tolerance, runner.rows(run.solution), UNKNOWN)
@@ -145,7 +148,11 @@ def meet(
     estimate: bool = True,
     watch: Watch = None,
 ) -> Answer:
-    """Run the methods in turn until one meets an error; the best run of them where none does."""
+    """Run the methods in turn until one meets an error; the best run of them where none does.
+
+    Raises NotAttainableError (`request.py`) for an error of L and E below the rounding of the run. Raises
+    Interrupted on Ctrl-C, with the rows of the last run that ended, or of the first one as far as it came.
+    """
     best = None
     smallest = inf
     for method in methods:

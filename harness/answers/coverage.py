@@ -61,6 +61,9 @@ _MAX_TURNS = 3_000.0
 _TURNS_SLACK = 1.01
 # Rotations from which on solvers and forms that average do so: more than `averaging.COMPARED_TURNS`.
 _LEAST_AVERAGED_TURNS = 1_200.0
+# Scenes that are drawn to have more keep their place with this share of it: damping, or the largest slow time, may
+# take rotations from them. An estimate.
+_AVERAGED_TURNS_SLACK = 0.5
 # Share of the runs of a fit above the upper end, and below the lower one. The upper one is smaller than
 # the 0.025 that statements claim, so that another set of runs holds them too.
 _FITTED_ABOVE = 0.015
@@ -216,6 +219,7 @@ def cases_of(scene: Scene, sort: str, seed: int, index: int) -> Iterator[Case]:
     for number, (group, drawn) in enumerate(_GROUPS.items()):
         if drawn.scenes != sort:
             continue
+        # The 1 makes it another sequence than that of `scene_of`.
         random = np.random.default_rng((seed, number, index, 1))
         for _ in range(_RUNS_PER_SCENE):
             tolerance = float(f"{10 ** random.uniform(*drawn.tolerances):.0e}")
@@ -244,7 +248,8 @@ def _method(scene: Scene, name: str) -> Method:
 def _is_fit(scene: Scene, sort: str) -> bool:
     """Whether a scene is one of its sort, and not too long for a reference."""
     turns = rotations(scene)
-    if sort in ("many turns", "slow", "fast") and turns < _LEAST_AVERAGED_TURNS / 2:
+    least_averaged = _AVERAGED_TURNS_SLACK * _LEAST_AVERAGED_TURNS
+    if sort in ("many turns", "slow", "fast") and turns < least_averaged:
         return False
     return turns <= _TURNS_SLACK * _MAX_TURNS and (sort == "stiff") == stiff(scene)
 
@@ -333,6 +338,7 @@ def _reference(scene: Scene) -> tuple[Observables, dict[str, float]]:
     uncertainty = {want: _UNCERTAINTY * value for want, value in apart.items()}
     if max(uncertainty.values()) > _MOST_UNCERTAINTY:
         raise ReferenceFailedError("the motion is chaotic")
+    # A sphere has no orientation that could be uncertain.
     return solutions[0], {"orientation": 0.0} | uncertainty
 
 
@@ -464,12 +470,12 @@ class Count(NamedTuple):
     want: str
     runs: int
     missed: int  # true errors above the upper end
-    bound: float  # of the share missed, at 95 %
+    bound: float  # upper end of the 95 % interval of the share missed
     factor: float  # the upper end over the true error, in the median
 
 
 def counted(rows: Sequence[Record]) -> list[Count]:
-    """Runs by kind, family and want; the last ones are those that state no error, by group."""
+    """Runs that state an error, by kind, family and want, in the order of these words."""
     groups: dict[tuple[str, str, str], list[Record]] = {}
     for row in rows:
         for want in WANTS:
@@ -500,7 +506,7 @@ class Answers(NamedTuple):
     group: str
     runs: int
     met: int
-    bound: float  # of the share that missed, at 95 %
+    bound: float  # upper end of the 95 % interval of the share that missed
     alarms: int  # met, and said to be perhaps missed
     silent: int  # no error stated
 

@@ -62,6 +62,7 @@ class StepsPerTurn(NamedTuple):
 
 @cache
 def _fitted() -> dict[str, Any]:
+    """The contents of the file, read once."""
     return json.loads(FITTED_FILE.read_text(encoding="utf-8"))
 
 
@@ -78,7 +79,10 @@ def factors() -> dict[str, dict[str, dict[str, Factors]]]:
 
 
 def growth(family: str, want: str) -> Growth:
-    """Growth of the errors of the usual solver of a family: "explicit", "implicit" or "splitting"."""
+    """Growth of the errors of the usual solver of a family: "explicit", "implicit" or "splitting".
+
+    `want` says what errors: "slow", of L and E over I_max, or "orientation", in rad.
+    """
     return Growth(*_fitted()["growth"][family][want])
 
 

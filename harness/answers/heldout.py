@@ -99,7 +99,10 @@ class Evaluation:
 
 
 def evaluate(store: Store, seed: int, count: int, quiet: bool = False) -> Evaluation:
-    """Ask about random scenes, measure them into a store, and compare."""
+    """Ask about random scenes, measure them into a store, and compare.
+
+    `seed` and `count` name the scenes (`questions`). Scenes that the store holds are not measured again.
+    """
     scenes = []
     runs = []
     left_out = dict[str, str]()
@@ -204,24 +207,26 @@ class Track:
         self.true = true
 
     def run(self, form: str, solver: str, tolerance: float, limit: float = inf) -> Record:
-        """One run: its seconds, its error, whether it met the one requested, its observables."""
+        """One run: its seconds, its error, and whether it met the one requested.
+
+        A run takes `limit` seconds at most. One that fails has infinite seconds and error.
+        """
         question = self.question
         equations = find_form(form)
         seconds, observables = self.once(equations, solver, tolerance, question.scene, limit)
         if observables is None:
-            return {"seconds": inf, "error": inf, "met": False, "seen": None}
+            return {"seconds": inf, "error": inf, "met": False}
         error = self.off(observables, self.true)
         return {
             "seconds": seconds,
             "error": error,
             "met": error <= question.error,
-            "seen": observables,
         }
 
     def once(
         self, form: Form, solver: str, tolerance: float, scene: Scene, limit: float
     ) -> tuple[float, Observables | None]:
-        """Seconds from a scene to its observables, and these; None if the run fails."""
+        """Seconds from a scene to its observables, compilation left out, and these; inf and None if the run fails."""
         began = perf_counter()
         compiling = SPENT.seconds["compilation"]
         try:
@@ -267,6 +272,7 @@ def _measure(track: Track) -> Iterator[Record]:
     question = track.question
     # The nearest power of ten.
     decade = floor(log10(question.error) + 0.5)
+    # Before any run has met the error, a run may take `_FIRST_SECONDS`.
     best = _FIRST_SECONDS / _STOP
     methods, _ = contenders(question.scene, question.want)
     for form, solver in methods:
@@ -300,7 +306,7 @@ def _by_rules(question: Question) -> RunName:
 
 
 def reference_of(question: Question) -> Observables:
-    """The true solution; raises where it is not known well enough."""
+    """The true solution at the question's rows; ReferenceFailedError where it is not known well enough."""
     scene = question.scene
     solution = reference(scene, reference_form(scene), question.samples, _REFERENCE_SECONDS)
     uncertainty = solution.slow_uncertainty
@@ -323,33 +329,34 @@ def stratum(seconds: float) -> str:
 def judged(scenes: Any) -> list[Record]:
     """Each stratum: how good first choices were, what asking took, and what rules alone would have done.
 
+    `scenes` is the frame of `Evaluation`. Its `factor` is the time of the first choice over that of the best run.
     `met` is the share of scenes whose first choice met the error; a refusal counts as met if no run met
     the error. `near` is the share of first choices that met the error within `NEAR` times the best, `total`
     asking and running over plain practice (`timed.py`), `within` the share of runs in the seconds forecast.
     """
     rows = []
     groups = scenes.groupby(scenes["best_seconds"].map(stratum), sort=False)
-    for name, mine in groups:
-        good = mine["met"] & (mine["factor"] <= NEAR)
-        ruled = mine["rules_met"].astype(bool) & (mine["rules_factor"] <= NEAR)
-        with_plain = mine.dropna(subset=["plain"])
+    for name, group in groups:
+        good = group["met"] & (group["factor"] <= NEAR)
+        ruled = group["rules_met"].astype(bool) & (group["rules_factor"] <= NEAR)
+        with_plain = group.dropna(subset=["plain"])
         total = (with_plain["asking"] + with_plain["seconds"]).sum() / with_plain["plain"].sum()
         rows.append(
             {
                 "stratum": name,
-                "scenes": len(mine),
-                "met": float(mine["met"].mean()),
+                "scenes": len(group),
+                "met": float(group["met"].mean()),
                 "near": float(good.mean()),
-                "farthest": float(mine["factor"].max()),
-                "asking": float(mine["asking"].median()),
-                "asking_runs": float((mine["asking"] / mine["seconds"]).median()),
+                "farthest": float(group["factor"].max()),
+                "asking": float(group["asking"].median()),
+                "asking_runs": float((group["asking"] / group["seconds"]).median()),
                 "total": float(total),
-                "rules_met": float(mine["rules_met"].mean()),
+                "rules_met": float(group["rules_met"].mean()),
                 "rules_near": float(ruled.mean()),
                 "within": float(
                     (
-                        (mine["seconds"] >= mine["seconds_low"])
-                        & (mine["seconds"] <= mine["seconds_high"])
+                        (group["seconds"] >= group["seconds_low"])
+                        & (group["seconds"] <= group["seconds_high"])
                     ).mean()
                 ),
             }
@@ -360,6 +367,7 @@ def judged(scenes: Any) -> list[Record]:
 def break_even(scenes: Any) -> float:
     """Seconds of the best run from which on asking and running cost less than plain practice; inf if never.
 
+    `scenes` is the frame of `Evaluation`.
     The first such scene, by the seconds of its best run, from which on more than half of the scenes
     save time.
     """

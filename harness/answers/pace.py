@@ -23,7 +23,7 @@ from polhode.solvers.solve import Solution, solve
 
 # Scenes on which steps are timed: the first one that a method takes.
 _TIMED = ("paper", "spheroid", "jeffery", "top", "tumbler", "sphere")
-# The scene on which steps of implicit solvers are timed: each solves equations there.
+# Those of implicit solvers: on "stiff" each step has to solve equations.
 _TIMED_IMPLICIT = ("stiff", *_TIMED)
 # Times that a run is repeated: the quickest one is the least disturbed. An estimate: more repeats make `pick`
 # slower where it asks about a method for the first time.

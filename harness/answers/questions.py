@@ -75,7 +75,7 @@ class Question:
     name: str
     scene: Scene
     samples: int
-    error: float
+    error: float  # of L and E over I_max, or of the orientation in rad
     want: Want
 
 

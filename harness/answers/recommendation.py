@@ -33,7 +33,7 @@ class RankedRun:
     seconds: Interval  # of a run of what is compiled
     first_run_seconds: float  # the same with what this process took to compile
     tied: bool  # whether there are several whose times are within `TIED` of the first one's
-    reason: str
+    reason: str  # how error and seconds are known
 
 
 @dataclass(frozen=True)

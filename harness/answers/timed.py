@@ -100,6 +100,7 @@ def drawn(seed: int, index: int) -> tuple[Scene, float, str, str]:
     """
     random = np.random.default_rng((seed, index))
     middle, short = sorted(10 ** random.uniform(*_AXES, 2), reverse=True)
+    # Families take turns: half of the scenes have triaxial bodies.
     family = ("triaxial", "triaxial", "prolate", "oblate")[index % 4]
     axes = {
         "triaxial": (1.0, middle, short),
@@ -200,7 +201,7 @@ class Stratum(NamedTuple):
 
 @contextmanager
 def busy(count: int) -> Iterator[None]:
-    """Keep `count` other processes at work."""
+    """Keep `count` other processes computing meanwhile."""
     command = [sys.executable, "-c", "while True: pass"]
     others = [subprocess.Popen(command) for _ in range(count)]
     try:

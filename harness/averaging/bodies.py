@@ -56,7 +56,9 @@ _KICK_DIGITS = 3  # Significant digits of a kick, as of measured numbers in the 
 # Samples of the first-order path, on which crossings are looked for. An estimate: a crossing is known to one
 # interval, 1/2000 of the run, and a path that returns within one interval does not count as crossing.
 _PATH_SAMPLES = 2001
-# Tolerance of the solver on that path: its error moves a crossing by far less than an interval.
+# Solver of that path, or one like it where its library is missing, and its tolerance: the solver's error moves a
+# crossing by far less than an interval. A choice: the path is smooth, and any explicit solver serves.
+_PATH_SOLVER = "cyrk-vern8"
 _PATH_TOLERANCE = 1e-10
 _DIGITS = 6  # Significant digits of all drawn numbers: a body is what its row in the table says.
 
@@ -71,7 +73,9 @@ class Body:
     quaternion: tuple[float, float, float, float]  # w, x, y, z
     spin: Triple  # angular velocity about the body axes, in shear rates
     crossing: float  # slow time at which the first-order path meets L² = 2EI₂, NaN if it does not
-    kick: float  # √St times the strongest kick of a resonance up to there, over I_max; NaN: not looked up
+    # √St times the strongest kick of a resonance along the path, over I_max. NaN if it was not looked up: it is for
+    # the kinds "stays" and "resonance" alone, if the path does not cross.
+    kick: float
 
     @property
     def crosses(self) -> bool:
@@ -114,7 +118,10 @@ def _candidates(kind: str, number: int, draw: np.random.Generator) -> Iterator[B
 
 
 def _belongs(body: Body) -> bool:
-    """Whether a candidate is of its kind; only the kinds that crossings and kicks define refuse any."""
+    """Whether a candidate is of its kind; only the kinds that crossings and kicks define refuse any.
+
+    A candidate that crosses has NaN for a kick, and is neither "stays" nor "resonance".
+    """
     if body.kind == "crosses":
         return body.crosses
     if body.kind == "stays":
@@ -135,7 +142,8 @@ def _crossing(body: Body) -> float:
     except FormNotValidError:
         return nan
     times = np.linspace(0.0, problem.end, _PATH_SAMPLES)
-    run = solve(problem, available_like("cyrk-vern8"), _PATH_TOLERANCE, times)
+    # A run that ends early is looked at as far as it came.
+    run = solve(problem, available_like(_PATH_SOLVER), _PATH_TOLERANCE, times)
     observables = form.observe(scene, run.states)
     excess = above_separatrix(scene.ellipsoid, observables)
     # The first sample whose excess of L² over 2EI₂ has another sign than the start's.

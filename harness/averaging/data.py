@@ -1,4 +1,8 @@
-"""Rows of the studies of averaging, and the files beside their pages."""
+"""Rows of the studies of averaging, and the files beside their pages.
+
+A study is a dataclass. Each field holds the rows of one table, dataclasses too, but for `timed`. A table is
+a CSV file with the field's name.
+"""
 
 import json
 from collections.abc import Sequence
@@ -21,7 +25,7 @@ class SecondOrderErrors:
     "Slow" is the error of L and E, the slow variables. Each error is the largest of a run.
     """
 
-    shape: str  # a:b:c
+    shape: str  # semi-axes, a:b:c
     start: str  # a name or an angular velocity, as in `cases.toml`
     slow_time: float  # duration over St
     stokes: float
@@ -76,7 +80,7 @@ class SecondOrderStudy:
 
     orders: Sequence[SecondOrderErrors]
     resonances: Sequence[Passage]
-    crossings: Sequence[Passage]
+    crossings: Sequence[Passage]  # of runs cut before L² = 2EI₂
     cost: Sequence[Cost]
     timed: dict[str, Record]  # when and where each part was measured, by the part's name
 
@@ -85,14 +89,17 @@ Study = TypeVar("Study")
 
 
 def write_study(study: Any, folder: Path) -> None:
-    """Write each of a study's tables into a folder, and `timed.json`."""
+    """Write each of a study's tables into a folder, and `timed.json`, with their checksums beside them."""
     for name, kind in _tables(type(study)).items():
         write_table(folder / f"{name}.csv", kind, getattr(study, name))
     write_file(folder / _TIMED, json.dumps(study.timed, indent=2) + "\n", summed=True)
 
 
 def read_study(kind: type[Study], folder: Path) -> Study:
-    """Read what `write_study` wrote; raises ValueError where a table is missing, OSError where `timed.json` is."""
+    """Read what `write_study` wrote.
+
+    Raises ValueError where a table is missing or damaged, OSError where `timed.json` is missing.
+    """
     rows = _tables(kind).items()
     tables = {name: read_table(folder / f"{name}.csv", row) for name, row in rows}
     study_kind: Any = kind
@@ -100,7 +107,7 @@ def read_study(kind: type[Study], folder: Path) -> Study:
 
 
 def _tables(kind: type) -> dict[str, type]:
-    """The kind of row of each table of a study."""
+    """The kind of row of each table of a study, from the types of its fields: `Sequence[Cost]` gives `Cost`."""
     return {
         name: get_args(hint)[0] for name, hint in get_type_hints(kind).items() if name != "timed"
     }

@@ -2,7 +2,8 @@
 
 `polhode accuracy --order hybrid` runs it, `reports/hybrid` shows it; `docs/second-order.md`, section 10,
 says how the form chooses which segments of a run the full equations follow. A "full" run is one of the
-full equations alone.
+full equations alone. Form `hybrid` at a tolerance requests an error of L and E, over I_max, that is
+`ERROR_PER_TOLERANCE` times as large.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -52,7 +53,9 @@ _HELD_OUT = (20261122, 7771)
 _RANDOM = 120
 _QUICK_RANDOM = 4  # Starts of each held-out seed with `quick`.
 HYBRID_SAMPLES = 201  # Output times of a run, as of `polhode.solve`.
-SEGMENT_SOLVER = "cyrk-vern8"  # Of every segment of a hybrid run.
+# Solver of every segment of a hybrid run, or one like it where its library is missing: the first of the explicit
+# ones that `polhode.solve` takes.
+SEGMENT_SOLVER = "cyrk-vern8"
 # Random semi-axes lie between this and 1. An estimate: the study says nothing of more slender or flatter bodies.
 _LEAST_AXIS = 0.15
 # Random starts go through all pairs of St and slow time t₂ = t/St in turns. These values, and the errors of L
@@ -81,9 +84,10 @@ FEW_SAMPLES = 11
 # Turns in which runs are timed, and runs in each turn: the fastest of all counts. An estimate: more take longer
 # and are disturbed less.
 SPEED_REPEATS = 3
+# Solvers of the full runs. A choice: the solver of the segments, and Taylor's method, whose order is higher.
 FULL_SOLVERS = ("cyrk-vern8", "taylor")
 # The speed is measured against this full solver of spheroids too, which knows that the torque is small. Its
-# tolerance is meant for the whole run, so that looser ones than FULL_TOLERANCES suffice.
+# tolerance is meant for the whole run, so that looser ones than FULL_TOLERANCES suffice: from FAST_ERROR on.
 KNOWING = "splitting"
 KNOWING_TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9)
 # Least |cos| of the angle between the vorticity and the shortest axis (the symmetry axis of a
@@ -202,6 +206,7 @@ def reference_of(scene: Scene, samples: int = HYBRID_SAMPLES) -> HybridReference
         _DOUBLE,
     ]
     if not extends_precision():
+        # Without heyoka there is no long double, and other methods make the reference.
         content.append("without heyoka")
     key = digest(content)
     arrays = cache.load(key)
@@ -239,12 +244,12 @@ def _measured(start: int, scene: Scene, error: float, reference: HybridReference
     """The row of a start for a requested error of L and E over I_max."""
     run = plan(
         scene,
-        Hybrid.name,
-        available_like(SEGMENT_SOLVER),
-        error / ERROR_PER_TOLERANCE,
-        error,
-        "slow",
-        HYBRID_SAMPLES,
+        form=Hybrid.name,
+        solver=available_like(SEGMENT_SOLVER),
+        tolerance=error / ERROR_PER_TOLERANCE,
+        error=error,
+        want="slow",
+        samples=HYBRID_SAMPLES,
     ).run()
     slow = nan
     orientation = nan
@@ -427,7 +432,11 @@ def _full_methods(
 
 
 def _share(segments: Sequence[SolvedSegment], whole: float) -> float:
-    """Share of a run's time that the full equations follow."""
+    """Share of a run's time that the full equations follow.
+
+    `whole` is the run's duration in the time of its segments: slow time of a `SceneSolution`, inverse shear
+    rates of a `Solution`.
+    """
     full = sum(segment.end - segment.begin for segment in segments if not segment.averaged)
     return full / whole
 

@@ -91,7 +91,8 @@ def _exponents(runs: Frame) -> tuple[dict[str, dict[str, float] | None], dict[st
 def _factors(runs: Frame, exponents: dict[str, float]) -> tuple[dict[str, float], dict[str, float]]:
     """Factors of each order's law that 2.5 % and 97.5 % of the errors stay below.
 
-    The first counts runs to every slow time, the second runs to the last one, where errors are largest.
+    The first counts runs to every slow time, the second runs to the last one, where errors are largest. Bodies
+    that cross L² = 2EI₂ count too: who asks for a factor gives an order and St, and no body.
     """
     few = {}
     most = {}

@@ -69,4 +69,8 @@ def slopes(rows: Sequence[SecondOrderErrors]) -> list[Slope]:
 
 def _exponent(points: Sequence[tuple[float, float]]) -> float:
     """Fitted exponent of pairs of St and an error; NaN with fewer than two."""
-    return power_law(*np.transpose(points))[0] if len(points) > 1 else nan
+    if len(points) < 2:
+        return nan
+    stokes, errors = np.transpose(points)
+    exponent, _, _ = power_law(stokes, errors)
+    return exponent

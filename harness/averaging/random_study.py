@@ -99,6 +99,9 @@ COST_BODIES = {100.0: 8, 1000.0: 8, 1e4: 8, 1e5: 8, 1e6: 3}
 # the least of `shares.ERRORS_MET`.
 _COST_TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
 _COST_LEAST_ERROR = 1e-8
+# Solvers of the full equations whose cost is measured: the usual one, and the one for spheroids that knows that
+# the torque is small. A solver that is missing, or does not take the form, is left out.
+_COST_SOLVERS = ("cyrk-vern8", "splitting")
 # Runs of at most `_COST_LONG` seconds are timed `_BODY_COST_REPEATS` times, and the fastest counts. Both are
 # estimates: a longer run is hardly disturbed.
 _COST_LONG = 0.02
@@ -281,8 +284,9 @@ def measure_together(several: Sequence[Task]) -> list[Record]:
 
 def _in_batches(task: Task) -> bool:
     """Whether Taylor's method in double precision runs the body in a batch."""
-    triaxial = task.kind not in ("prolate", "oblate")
-    return triaxial and task.stokes > LONG_DOUBLE_UP_TO and find_solver(_TAYLOR[0]).available
+    # Kinds of any shape have spheroids among them, which `_by_taylor` leaves out.
+    may_be_triaxial = task.kind not in ("prolate", "oblate")
+    return may_be_triaxial and task.stokes > LONG_DOUBLE_UP_TO and find_solver(_TAYLOR[0]).available
 
 
 def _by_taylor(scenes: Sequence[Scene]) -> dict[int, Array]:
@@ -491,10 +495,10 @@ def _hybrid(scene: Scene, reference: Reference, requested: float, timed: bool) -
 
 
 def _costs(scene: Scene, reference: Reference) -> Iterator[Record]:
-    """Runs of the full equations at ever tighter tolerances, until errors are small enough."""
+    """Runs of the full equations at ever tighter tolerances, until the error is `_COST_LEAST_ERROR` at most."""
     form = find_form(full_form(scene))
     problem = form.problem(scene)
-    for name in ("cyrk-vern8", "splitting"):
+    for name in _COST_SOLVERS:
         solver = find_solver(name)
         if not (solver.available and solver.takes(problem)):
             continue
@@ -514,7 +518,7 @@ def _costs(scene: Scene, reference: Reference) -> Iterator[Record]:
 def _fastest(
     problem: Problem, solver: str, tolerance: float, times: Array
 ) -> tuple[Solution, float]:
-    """A run, and its processor time, the least of several where it is short."""
+    """A run, and its processor time in s, the least of several where it is short; they are alike."""
     # The first run compiles, and is not timed.
     solve(problem, solver, tolerance, times[:2])
     runs = []
@@ -649,7 +653,7 @@ def run(
     seconds: float = inf,
     quiet: bool = False,
 ) -> Data:
-    """Measure what neither the store nor old tables hold, and give all of it.
+    """Measure what neither the store nor old tables hold, and give the tables of all of it.
 
     Parameters
     ----------
