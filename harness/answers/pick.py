@@ -40,7 +40,11 @@ def pick(
     everything: bool = False,
     names: Sequence[tuple[str, str]] = (),
 ) -> Recommendation:
-    """The answer of `polhode.harness.api.pick`; NotAttainableError if no method meets the error."""
+    """The answer of `polhode.harness.api.pick`; NotAttainableError if no method meets the error.
+
+    `names` are methods, by form and solver, that are raced besides the usual ones. With `everything` all
+    methods of the catalogues are raced. Raises ValueError for an error, or a `want`, that makes no sense.
+    """
     check_request(error, want)
     check_answerable(scene, float(error), want)
     return _remembered(scene, float(error), want, samples, everything, tuple(names))

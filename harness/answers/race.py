@@ -147,7 +147,10 @@ class Result(NamedTuple):
 
 @cache
 def listed() -> tuple[tuple[str, str], ...]:
-    """Names of the forms and solvers that are raced unless others are named."""
+    """Names of the forms and solvers that are raced unless others are named.
+
+    They are the keys of the table `within` in `methods.toml`; its numbers say how often each was near the best.
+    """
     text = files("polhode.harness.answers").joinpath("methods.toml").read_text(encoding="utf-8")
     return tuple(tuple(name.split()) for name in tomllib.loads(text)["within"])
 
@@ -221,7 +224,9 @@ def race(
 ) -> Result:
     """Race methods that take a scene, for an error of L and E or of the orientation, at `samples` rows.
 
-    Methods named in `uncut`, by form and solver, are followed whatever they cost.
+    The error is over I_max or in rad, as `want` says: "slow" or "orientation". Methods named in `uncut`, by
+    form and solver, are raced whatever they cost. Raises NotKnownError for a start with L = 0 and no
+    orientation.
     """
     heat = Heat(scene, error, want, samples)
     heat.uncut = [Method(find_form(form), find_solver(solver)) for form, solver in uncut]
@@ -250,8 +255,10 @@ class Heat:
         self.entries: list[Entry] = []
         self.refusals: list[Refusal] = []
         self.uncut: list[Method] = []
+        # The segment as it is planned. `self.segment.raced` becomes the scene itself where this one tells nothing.
         self.raced = raced_segment(scene)
-        # The bound of the rounding of an orientation is far above it: that of L and E decides.
+        # The usual method, which makes the reference. For an orientation, too, the rounding of L and E chooses it:
+        # the bound of an orientation's rounding is far above what rounding makes.
         self.usual = rounding_less(scene, full_method(self.raced.scene), error, "slow")
         first = cheapest_full(oriented(scene))
         # Steps that a full run is expected to take.
@@ -259,7 +266,7 @@ class Heat:
         self.segment = Segment(self.raced, self.usual, error, want)
         # The beginning of the scene, on which splitting is raced; made when it is needed.
         self._splitting: Segment | None = None
-        # Runs of the scene itself, and the one whose error is smallest; None where none is known.
+        # All runs of the scene itself. Of those whose error is known the one of the smallest error, None without one.
         self.itself = Remembering(scene)
         self.truth: Known | None = None
         # Methods that were judged and refused, each with the tolerance of its first such run.
@@ -285,7 +292,11 @@ class Heat:
         return 3 if method.solver is self.usual.solver else 4
 
     def enter(self, method: Method) -> None:
-        """Race a method, unless it is out of the question."""
+        """Race a method, unless it is out of the question.
+
+        It is judged if it averages, or if no full run can follow the start. Splitting is searched on the scene
+        itself where that is short enough. All others follow on a segment.
+        """
         if self.is_out(method):
             return
         if in_tables(method.form) and (reason := why_not(self.scene, self.want, method)):
@@ -338,7 +349,7 @@ class Heat:
 
     @property
     def best(self) -> float:
-        """Seconds of the quickest method that meets the error."""
+        """Seconds of the quickest method so far that meets the error; inf before there is one."""
         return min((entry.seconds.predicted for entry in self.entries), default=inf)
 
     def limit(self, method: Method, cost: Pace, ratio: float, most: int = MAX_STEPS) -> int:
@@ -455,7 +466,10 @@ class Heat:
                 self._enter(method, tolerance, error, seconds, note, self.raced.of_the_whole())
 
     def search(self, method: Method, tolerance: float, max_steps: int) -> bool:
-        """Look for the tolerance of a method by runs of the scene itself; whether they tell anything."""
+        """Look for the tolerance of a method by runs of the scene itself, and enter or refuse it.
+
+        Returns whether the runs tell anything; if not, the method is neither entered nor refused.
+        """
         runner = self.itself
         tolerance = rounded(method, tolerance)
         found = loosest(runner, method, tolerance, self.error, self.want, max_steps)
@@ -536,7 +550,11 @@ class Heat:
         return run, seconds
 
     def _stated(self, run: Run) -> tuple[Interval | None, str]:
-        """The error of a run of the scene itself, and how it is known."""
+        """The error of a run of the scene itself, None if nothing tells it, and how it is known.
+
+        A full run of the scene tells it if its own error is small enough; else a second run or an estimate does,
+        as in `solve`.
+        """
         if self.truth is None or self.truth.error > KNOWN_SHARE * self.error:
             stated = confirmation(self.itself, run)
             return stated.of(self.want), stated.note

@@ -32,7 +32,7 @@ class RankedRun:
     error: Interval  # of L and E or of the orientation, model error included
     seconds: Interval  # of a run of what is compiled
     first_run_seconds: float  # the same with what this process took to compile
-    tied: bool  # whether there are several whose times are within `TIED` of the first one's
+    tied: bool  # whether there are several whose times are within `race.TIED` of the first one's
     reason: str  # how error and seconds are known
 
 

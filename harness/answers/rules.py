@@ -120,7 +120,7 @@ def full_solver(scene: Scene, form: Form) -> Solver:
 
 
 def method_for(scene: Scene, form: Form | None, solver: Solver | None) -> Method:
-    """Fill in the form and the solver that the user left open."""
+    """The method of a form and a solver; what is None the user left open, and rules fill in."""
     if form:
         return Method(form, solver or full_solver(scene, form))
     if isinstance(scene.start, SlowStart):
@@ -133,7 +133,10 @@ def method_for(scene: Scene, form: Form | None, solver: Solver | None) -> Method
 
 
 def methods_for(scene: Scene, error: float, want: str) -> list[Method]:
-    """Methods to try in turn where the user left form and solver open, the cheapest one first."""
+    """Methods to try in turn where the user left form and solver open, the cheapest one first.
+
+    The error is of L and E over I_max, or of the orientation in rad, as `want` says.
+    """
     methods = []
     if isinstance(scene.start, SlowStart):
         return [method_for(scene, None, None)]
@@ -162,7 +165,7 @@ def rounding_less(scene: Scene, method: Method, error: float, want: str) -> Meth
 
 
 def _form_for(scene: Scene, solver: Solver) -> Form:
-    """The simplest full form that a solver takes."""
+    """The simplest full form that a solver takes; the simplest of all if it takes none, which is refused later."""
     names = [simplest(scene), full_form(scene), "quaternion", "jeffery"]
     for name in names:
         form = find_form(name)
@@ -240,7 +243,7 @@ def hybrid_family(scene: Scene) -> str:
 
 
 def steps_of(scene: Scene, method: Method, tolerance: float) -> float:
-    """Approximate steps of a run; 0 where they do not follow the rotations.
+    """Approximate steps of a run; 0 where they do not follow the rotations: averaged and closed forms, `hybrid`.
 
     They are counted as steps of the usual explicit solver, also for implicit ones, and as those of
     splitting for solvers of `many_periods`.

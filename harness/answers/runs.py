@@ -71,6 +71,8 @@ class Run(NamedTuple):
 class Runner:
     """Runs a scene by any method; raises `polhode.solvers.solve.Interrupted` on Ctrl-C, with the rows alone.
 
+    A run is solved at the user's rows and at the compared times, `INNER` times the scene's duration.
+
     Parameters
     ----------
     scene : Scene

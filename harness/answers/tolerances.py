@@ -21,7 +21,8 @@ from polhode.solvers.contract import Status
 
 # Runs of a search, at most. An estimate: more cost more than the tolerance that they find would spare.
 _MAX_RUNS = 6
-# The largest ratio of tolerances over which errors are taken to be proportional to them; an estimate.
+# The largest ratio of tolerances over which errors are taken to be proportional to them. An estimate: a stride by
+# `LOOSER` stays within it, though rounding to one digit makes it up to twice as long.
 _FAR = 2 * LOOSER
 # The largest error that a run may have by its difference, and by proportion, which plans runs too, as shares
 # of the one requested: a difference tells the error to some 20 %, proportion to a factor of two. Estimates.
