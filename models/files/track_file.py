@@ -26,15 +26,16 @@ def read_track(path: Path) -> Flow:
         raise ValueError(f"flow.track: got {str(path)!r}, expected a file: there is none") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"flow.track: got {str(path)!r}, expected a CSV file: {error}") from None
-    rows = [row for row in csv.reader(text.splitlines()) if row]
-    header = [name.strip() for name in rows[0]] if rows else []
+    reader = csv.reader(text.splitlines())
+    # Blank lines count as lines: `reader.line_num` is the number in the file of a row's last line.
+    rows = [(reader.line_num, row) for row in reader if row]
+    header = [name.strip() for name in rows[0][1]] if rows else []
     if header != TRACK_COLUMNS:
         # Messages show the first 60 characters of a row.
         got = ",".join(header)
         expected = ",".join(TRACK_COLUMNS)
         raise ValueError(f"flow.track: {path}: got the columns {got:.60}, expected {expected}")
-    # The header is line 1.
-    numbers = [_numbers(path, line, row) for line, row in enumerate(rows[1:], 2)]
+    numbers = [_numbers(path, line, row) for line, row in rows[1:]]
     times = [row[0] for row in numbers]
     try:
         return Flow.track(times, [(row[1:4], row[4:7], row[7:]) for row in numbers])

@@ -213,6 +213,7 @@ REST = ",0,1,0,0,0,0,0,0,0"
         ("", "got the columns , expected t,A11,A12"),
         ("t,A11\n0,0", "got the columns t,A11, expected t,A11,A12"),
         (f"{HEAD}\n0{REST}\n1,0,1,0", "track.csv:3: got 4 columns, expected 10"),
+        (f"\n{HEAD}\n\n0{REST}\n1,0,1,0", "track.csv:5: got 4 columns, expected 10"),
         (f"{HEAD}\n0{REST}\n1,0,x,0,0,0,0,0,0,0", "track.csv:3: got 1,0,x,0,0,0,0,0,0,0, expected"),
         (f"{HEAD}\n0{REST}\n0{REST}", "got t = 0.0 after 0.0, expected finite times that increase"),
         (f"{HEAD}\n0{REST}\n9{REST}", "got times from 0 to 9, expected the run, 0 to 60"),
