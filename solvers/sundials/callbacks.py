@@ -7,6 +7,7 @@ advance the time is no error to the library: it "will continue anyway". Here it 
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import wraps
 from threading import Lock, get_ident
 from typing import Any
 
@@ -94,14 +95,20 @@ class Callbacks:
         self.calls = 0  # of the field in this run
         self.look = max(_LOOK, _LOOK_PER_COMPONENT * problem.dimension)
         self.last_seen = -np.inf  # the time at the latest look
+        self.may_end = True  # whether a limit may end the run now (`_first_seen`)
         self.record: Record | None = None
         self.mass, values = posed(problem, self.implicit)
         # Plain Python reads a list. Both are changed in place where parameters change on the way.
         read = values.tolist() if settings.backend == "python" else values
         self.parameters = [values, read]
         self.rates = rates_of(problem, settings, read)
+        field = self._counted(self.rates)
         if problem.plain:
-            options |= jacobian_options(problem, self.mass if self.implicit else None)
+            mass = self.mass if self.implicit else None
+            options |= jacobian_options(problem, settings, field, mass)
+        self.sparse = options.get("linsolver") == "sparse"
+        if self.sparse:
+            options["jacfn"] = self._first_seen(options["jacfn"])
         elif settings.jacobian == "exact":
             options["jacfn"] = self._exact_jacobian(problem, values)
         algebraic = np.flatnonzero(self.mass == 0)
@@ -116,7 +123,6 @@ class Callbacks:
             "first_step": settings.first_step or 0.0,
             "max_num_steps": UNLIMITED,
         }
-        field = self._counted(self.rates)
         # It warns that a pattern's own differences give way to the function of a Jacobian.
         with UNWARNED:
             self.library = library(self._residual(field) if self.implicit else field, **options)
@@ -129,7 +135,7 @@ class Callbacks:
         def field(t: float, y: np.ndarray, out: np.ndarray) -> None:
             self.calls += 1
             record = self.record
-            if record:
+            if record and self.may_end:
                 # At every call, as one call may take seconds; to look at the clock takes 0.1 µs.
                 if record.expired:
                     raise _StoppedError(Status.TIME_LIMIT, f"stopped at t = {t!r}")
@@ -138,6 +144,21 @@ class Callbacks:
             rates(t, y, out)
 
         return field
+
+    def _first_seen(self, jacobian: Callable[..., None]) -> Callable[..., None]:
+        """The Jacobian's function, which notes that there was a Jacobian.
+
+        A run by the sparse linear solver that ends before its first factorization, which follows at
+        once, crashes the process: the library frees a factorization that it has not made.
+        """
+
+        # The library reads the number of arguments.
+        @wraps(jacobian)
+        def noted(*arguments: Any) -> None:
+            jacobian(*arguments)
+            self.may_end = True
+
+        return noted
 
     def _residual(self, field: Rates) -> Callable[..., None]:
         """What the equations leave at a state and its slope, ``mass * slope - rates``."""
@@ -183,6 +204,7 @@ class Callbacks:
         self.record = record
         self.calls = 0
         self.last_seen = -np.inf
+        self.may_end = not self.sparse
         record.now = float(record.times[0])
         for parameters in self.parameters:
             change(parameters, len(parameters), record)

@@ -6,23 +6,30 @@ import numpy as np
 
 from polhode.models.libraries import IMPORTS
 from polhode.models.problem import Problem
-from polhode.solvers.compile import plain_rates
+from polhode.solvers.contract import Settings
 from polhode.solvers.structure import bands_of, dense, jacobian_of, pattern_of
-from polhode.solvers.sundials.consistent import full
+from polhode.solvers.sundials.consistent import Rates, full
 
 # Step of differences over the size of a component: the root of a double's rounding, at which errors
 # of rounding and of truncation are about equal.
 _DIFFERENCE = float(np.sqrt(np.finfo(float).eps))
-# The least size of a component, by estimate, which serves where all components are 0.
-_TINY = 1e-30
+# Least step of differences over atol / rtol: 1000 roundings, as SUNDIALS has it (`MIN_INC_MULT`). Rounding
+# then spoils an entry by some thousandth, which is enough for Newton's iteration. A step as large as
+# `_DIFFERENCE` spoils more where atol is far above the component: a run failed so.
+_LEAST_DIFFERENCE = 1000 * float(np.finfo(float).eps)
 # Components up to which a banded Jacobian of the user's is handed over. An estimate that bounds memory:
 # scikit-sundae holds it as a full matrix, 8 MB here.
 _MAX_FULL = 1000
 
 
 # A sparse matrix is known by its method `tocsc`, so that SciPy is imported where there is one alone.
-def jacobian_options(problem: Problem, mass: np.ndarray | None) -> dict[str, Any]:
-    """Options of scikit-sundae's classes; with a mass, for IDA's residual."""
+def jacobian_options(
+    problem: Problem, settings: Settings, rates: Rates, mass: np.ndarray | None
+) -> dict[str, Any]:
+    """Options of scikit-sundae's classes; with a mass, for IDA's residual.
+
+    Differences are taken of `rates`, which count their calls and look at the deadline.
+    """
     jacobian = jacobian_of(problem)
     bands = bands_of(problem)
     if mass is not None and mass.ndim == 2:
@@ -43,7 +50,7 @@ def jacobian_options(problem: Problem, mass: np.ndarray | None) -> dict[str, Any
     if pattern is not None:
         pattern = _with_diagonal(pattern) if mass is not None else pattern
         if jacobian is None:
-            jacobian = _Differences(problem, pattern)
+            jacobian = _Differences(rates, settings, pattern)
         filled = _filled(jacobian, mass, _Entries(pattern))
         return {"linsolver": "sparse", "sparsity": pattern, "jacfn": filled}
     return {} if jacobian is None else {"jacfn": _filled(jacobian, mass, dense)}
@@ -82,29 +89,39 @@ class _Differences:
     """A sparse Jacobian by differences, columns without a common row at once.
 
     Such columns form a group: their components are moved together, as each rate answers to one of
-    them at most. Right-hand sides called here are not in the run's count.
+    them at most.
+
+    A component is moved by a share of its size. Near 0 it is moved by a share of atol / rtol, the
+    size below which its absolute tolerance rules. CVODE's own least step is a share of the error
+    weight too, but one that depends on the step in time, which a Jacobian's function is not told.
     """
 
-    def __init__(self, problem: Problem, pattern: Any) -> None:
+    def __init__(self, rates: Rates, settings: Settings, pattern: Any) -> None:
         with IMPORTS:
             from scipy.optimize._numdiff import group_columns
 
-        self.rates = plain_rates(problem)
+        self.rates = rates
+        self.least = _LEAST_DIFFERENCE * settings.atols() / settings.tolerance
         self.pattern = pattern
         self.columns = np.repeat(np.arange(pattern.shape[1]), np.diff(pattern.indptr))
         self.groups = group_columns(pattern)
 
     def __call__(self, t: float, y: np.ndarray) -> Any:
         """The Jacobian at a state."""
-        now = np.asarray(self.rates(t, y), dtype=float)
-        moved = y + _DIFFERENCE * np.maximum(np.abs(y), np.abs(y).max() * _DIFFERENCE + _TINY)
+        now = np.empty(len(y))
+        self.rates(t, y, now)
+        size = np.abs(y)
+        # Where atol is tiny, by the rounding of the largest component.
+        least = np.maximum(self.least, _DIFFERENCE**2 * size.max())
+        moved = y + np.maximum(_DIFFERENCE * size, least)
         # As rounded.
         steps = moved - y
         matrix = self.pattern.copy()
         rows = matrix.indices
+        rates = np.empty(len(y))
         for group in range(int(self.groups.max()) + 1):
             here = self.groups == group
-            rates = np.asarray(self.rates(t, np.where(here, moved, y)), dtype=float)
+            self.rates(t, np.where(here, moved, y), rates)
             entries = here[self.columns]
             changes = (rates - now)[rows[entries]]
             matrix.data[entries] = changes / steps[self.columns[entries]]
