@@ -471,7 +471,8 @@ def _noted(name: str) -> Callable[..., Any]:
 
 
 # NumPy's elementwise functions, by name, in terms of recorded operations. A comparison asks whether
-# a difference is positive, which NaN is not: with NaN, <=, >= and == hold, unlike in NumPy.
+# a difference is positive, which NaN is not: with NaN, <=, >= and == hold, unlike in NumPy. Where one
+# operand is NaN, `fmax` and `fmin` are NaN; NumPy's give the other operand.
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: _noted(name) for name in _COMMON},
     **{name: _noted(name) for name in ("tan", "sinh", "cosh", "tanh", "expm1", "log1p")},
@@ -572,7 +573,7 @@ def _ufunc(ufunc: Any, method: str, inputs: tuple[Any, ...], named: dict[str, An
         if option != "out" and value is not _DEFAULT_OPTIONS.get(option, _NO_DEFAULT)
     }
     if ufunc is np.matmul and method == "__call__" and not options:
-        result = _product(*inputs)
+        result = _matmul(*inputs)
     else:
         result = _applied(ufunc, method, inputs, options)
     out = named.get("out")
@@ -594,8 +595,17 @@ def _applied(ufunc: Any, method: str, inputs: tuple[Any, ...], options: dict[str
     return getattr(of_objects, method)(*(_plain(x) for x in inputs), **options)
 
 
+def _matmul(left: Any, right: Any) -> Any:
+    """`np.matmul`, which is `np.dot` but for numbers alone and for stacks of matrices."""
+    left = _plain(left)
+    right = _plain(right)
+    if {left.ndim, right.ndim} <= {1, 2}:
+        return _product(left, right)
+    return _wrapped(np.matmul(left.astype(object), right.astype(object)))
+
+
 def _product(left: Any, right: Any) -> Any:
-    """A matrix product, without terms of zeros in a matrix of numbers."""
+    """`np.dot` of arrays of any dimensions, without terms of zeros in a matrix of numbers."""
     left = _plain(left)
     right = _plain(right)
     if left.ndim == 2 and right.ndim == 1 and left.dtype != object:

@@ -55,6 +55,7 @@ RECORDED = [
     lambda t, y: [y.sum() + np.sum(y**2), y.mean() + np.mean(y)],
     lambda t, y: -y / np.linalg.norm(y) ** 3,
     lambda t, y: A @ y + np.dot(A, y) + A.dot(y) + y.dot(A) + np.einsum("ij,j->i", A, y),
+    lambda t, y: (np.stack([A, 2 * A]) @ np.stack([y, 3 * y])[:, :, None])[1, :, 0],
     lambda t, y: np.concatenate([y[1:], [y[0]]]) + np.hstack((y[1], y[0])) + np.roll(y, 1),
     lambda t, y: np.append(np.diff(y), np.cumsum(y)[0]),
     lambda t, y: np.exp(np.array([y[1], -np.sin(y[0])])) + np.asarray(y),
