@@ -57,7 +57,8 @@ _ADVICE = (
 )
 
 
-# Characters that a message shows of the expression that cannot be recorded, and of the user's line.
+# Characters that a message shows of the expression that cannot be recorded, and of the user's line: with
+# its other words it fits in two lines of a terminal, an estimate.
 _MAX_EXPRESSION_SHOWN = 60
 _MAX_LINE_SHOWN = 100
 

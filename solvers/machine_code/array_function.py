@@ -1,6 +1,6 @@
 """A compiled field as a built-in function of Python over NumPy arrays: a call takes 30 ns, through ctypes 900.
 
-It reads inner layouts of Python and NumPy. Without it whole runs of the solvers that call a field
+Both times were taken once, of a call without work. It reads inner layouts of Python and NumPy. Without it whole runs of the solvers that call a field
 back take 1.05 to 1.6 times as long: LSODA 1.5 to 1.6, CVODE 1.3, SciPy's Radau 1.1
 (`tests/benchmarks/array_function.py`, the paper's ellipsoid, St = 10 and 0.01).
 """
@@ -42,7 +42,9 @@ _EXPECTED = b"expected one-dimensional contiguous arrays of float64, of the fiel
 def array_function(lines: str, arrays: Mapping[str, int]) -> Callable[..., None]:
     """Compile traced lines into a function of arrays, by name and length, the last one ``out``.
 
-    It raises a TypeError unless each is contiguous, of float64 and of its length.
+    `lines` are instructions of LLVM, as `tracing` writes them: they find an array as the pointer of its
+    name, and write their results at ``%out``. The function raises a TypeError unless each array is
+    contiguous, of float64 and of its length.
     """
     python = ctypes.pythonapi
     message = ctypes.create_string_buffer(_EXPECTED)

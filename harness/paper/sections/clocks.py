@@ -68,6 +68,7 @@ _DECAY_STOKES = 1e5
 _START_OFFSET = 0.03
 # Runs from large L: |L|/I_max at the start, the direction of L in body axes, and St. Estimates: L is
 # large beside I also after two relaxation times (78 and 94 I_max), and has parts along and across the axis.
+# St is so large that L hardly changes in a rotation of the body.
 _LARGE = 800.0
 _LARGE_DIRECTION = (0.6, 0.0, 0.8)
 _LARGE_STOKES = 1e4
@@ -130,7 +131,7 @@ def _rates(grid: Grid) -> Computed:
     """The rate of each mode of each body, printed and measured, per slow time.
 
     `body` and `mode` are places in `_BODIES` and `_MODES`, `clock` is St*/St of z'. Rates of decay are
-    negative. The number of rows of a run is an estimate.
+    negative. The number of rows of a run is an estimate: enough to follow the oscillation's envelope.
     """
     for number, body in enumerate(_BODIES):
         clock = body.inertia[2] / (8 * pi * body.resistance[2])
@@ -151,7 +152,8 @@ def _rates(grid: Grid) -> Computed:
 def _from_large(grid: Grid) -> Computed:
     """From large L: squares of L along and across the axis, and the angle in rad by which L has turned.
 
-    The spheroids are an oblate and a prolate one. The number of rows, 401, is an estimate. L is in
+    The spheroids are an oblate and a prolate one. The number of rows, 401, is an estimate: enough for a smooth
+    curve. L is in
     units of `Ellipsoid.inertia` and the shear rate.
     """
     for kappa in (0.5, 2.0):
@@ -257,12 +259,18 @@ class DecayRates(_Decay):
                 Number(
                     "decay from large L, measured over printed rate, less one, worst",
                     from_large,
-                    Range.at_most(1e-2, "corrections are of order I/L at the end, some 1e-3"),
+                    Range.at_most(
+                        1e-2, "corrections are of order I/L, 1e-3 at the start and 1e-2 at the end"
+                    ),
                 ),
                 Number(
                     "angle by which L turns meanwhile",
                     turned,
-                    Range(0.0, 1.0, "the claim: the cone keeps its orientation"),
+                    Range(
+                        0.0,
+                        1.0,
+                        "the claim: the cone keeps its orientation, to a degree in a figure",
+                    ),
                     "degrees",
                 ),
             ],
@@ -316,7 +324,7 @@ class EllipsoidClock(_Decay):
         """How far rates differ on three clocks."""
         plain, longest, shortest = (spread(rates) for rates in on_clocks(data[""]))
         apart = Range(
-            1.2, 10.0, "clearly more than by the right clock, and no more than the shapes"
+            1.2, 10.0, "clearly more than by the right clock; the upper end is an estimate"
         )
         return Verdict(
             Word.MEASURED,
@@ -410,6 +418,7 @@ class Collapse(Experiment):
 
     def compute(self, grid: Grid) -> Computed:
         """L_z and E, and the rate at which L_z relaxes to the node on either clock."""
+        # Some hundred rows in each period of the oscillation at the end, by which its frequency is told.
         scaled = np.linspace(0.0, _END, grid.of(401, 201))
         for kappa in _COLLAPSE_KAPPAS:
             ellipsoid, stokes, start = collapse_start(kappa)
@@ -455,7 +464,9 @@ class Collapse(Experiment):
         rates = data["rates"]
         plain = spread(rates.t2)
         star = spread(rates.star)
-        visible = Range(0.05, 1.0, "far above the oblate ones' rest, to be seen in the figure")
+        visible = Range(
+            0.05, 1.0, "to be seen in the figure, and no larger than L_z itself, some I_max"
+        )
         numbers = [
             Number(
                 "largest over smallest relaxation rate of L_z at the node, per St*",
@@ -479,7 +490,11 @@ class Collapse(Experiment):
         ]
         for kappa, rows in groups(data[""], "path"):
             if kappa > 1:
-                twice = Range.near(1.0, 0.1, "twice the angular velocity of the node, one half")
+                twice = Range.near(
+                    1.0,
+                    0.1,
+                    "twice the angular velocity of the node, one half, to a tenth (an estimate)",
+                )
                 name = f"frequency of that oscillation, κ = {kappa:g}"
                 numbers.append(Number(name, frequency(rows), twice, "γ̇"))
         return numbers
