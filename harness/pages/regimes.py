@@ -69,7 +69,9 @@ def rewrite_page(study: Study, folder: Path) -> Path:
     Raises
     ------
     ValueError
-        The folder has no page, or no runs.
+        The folder has no page, the page does not say how it was made, or a checksum fails.
+    OSError
+        The folder has no runs.
     """
     page = folder / "README.md"
     if not page.is_file():
@@ -80,8 +82,8 @@ def rewrite_page(study: Study, folder: Path) -> Path:
 
 def _write(study: Study, runs: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
     """Write the page, its pictures and its cells; `made` says how the runs were made."""
-    # Runs of `hybrid` that average nothing are runs of the full form: the page counts them, and the
-    # maps leave them out.
+    # Runs of `hybrid` that average nothing are runs of the full form: the page counts them, of those that
+    # did not fail, and the maps leave them out.
     hybrid = where(runs, (runs["form"] == HYBRID) & runs["slow_error"].notna())
     in_full = ran_in_full(runs, study.scenes)
     hybrid_in_full = int(in_full[hybrid.index].sum())
@@ -215,7 +217,10 @@ def _time(cell: Cell) -> str:
 
 
 def read_cells(path: Path) -> Maps:
-    """Cells of a file `cells.csv`, as `write_page` wrote it; OSError if there is none."""
+    """Cells of a file `cells.csv`, as `write_page` wrote it.
+
+    Raises OSError if there is none, and ValueError if its checksum fails.
+    """
     maps: dict[tuple[str, str], list[Cell]] = {}
     table = read_csv(
         BytesIO(read_file(path)), keep_default_na=False, na_values={"seconds": "", "lead": ""}
@@ -246,6 +251,7 @@ def sentence(panel: Sequence[Cell], quantity: str) -> str:
     """A map of a quantity in words: which kind of method wins where, by how much, and in which form.
 
     The lead of a kind is the median over the cells that it wins; cells without a second have none.
+    Averaged forms are left out of the count by form: that they win is said of their kind.
     """
     won: dict[str, list[Cell]] = {side: [] for side in HEADINGS}
     for cell in panel:

@@ -17,7 +17,7 @@ from polhode.harness.pages.tables import fill
 
 # Numbers of one scene alone in a refusal: a list in brackets, a slow time, what it got. Without them
 # refusals for one reason have one text.
-_OWN_NUMBERS = re.compile(r"\[[^\]]*\]|(?<=t₂ = )[\d.]+|(?<=got )[\d.e+-]*\d")
+_OWN_NUMBERS = re.compile(r"\[[^\]]*\]|(?<=t₂ = )[\d.]+(?:e[+-]\d+)?|(?<=got )[\d.e+-]*\d")
 
 
 def write_page(folder: Path, rows: Sequence[Record], command: str) -> Path:

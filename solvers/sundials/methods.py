@@ -7,13 +7,13 @@ Tolerance: `rtol` and `atol`, one number for both unless told otherwise, for the
 the weighted root-mean-square norm; `atol` may have one number per component. Rows come from the
 library's own interpolation, of the order of the step. Requested times do not change the steps, but
 for CVODE's first step, which is at most a tenth of the first time. The order and the step change
-seldom and by large factors: a step grows by half or not at all. So the error falls with the tolerance
-on the average only: between neighbouring tolerances it jumps by up to a factor of ten either way,
-whatever the Jacobian or the corrector.
+seldom and by large factors: a step of CVODE grows by half or more or not at all, one of IDA doubles or
+stays. So the error falls with the tolerance on the average only: between neighbouring tolerances it
+jumps by up to a factor of ten either way (an estimate).
 
 Through scikit-sundae Python is in the loop. It reports steps only where it is called step by step,
-which takes several times as long: so it runs when counts or a limit of steps are requested, over
-the very same steps.
+which takes several times as long: so it runs when counts, events or a limit of steps are requested,
+over the very same steps.
 """
 
 import os
@@ -160,6 +160,7 @@ class SundialsSolver(Solver):
         def integrate(record: Record) -> Outcome:
             every = settings.count or record.max_steps < UNLIMITED or record.events is not None
             outcome = callbacks.run(record, every)
+            # A plain function is Python's at every call, so its calls are counted anyway.
             known = settings.count or problem.plain
             record.work.rhs_calls = callbacks.calls if known else None
             return outcome

@@ -7,7 +7,7 @@ def test_refusals_that_differ_by_their_scene_are_counted_together():
     refusals = [
         "the semi-axes [0.2, 1.0, 0.3] are all different",
         "the semi-axes [0.6, 0.5, 1.0] are all different",
-        "averaging does not hold from t₂ = 0.0079: L² = 2EI₂",
+        "averaging does not hold from t₂ = 7.9e-05: L² = 2EI₂",
         "averaging does not hold from t₂ = 0.047: L² = 2EI₂",
         "averaging does not hold from t₂ = 0.5: L² = 2EI₂",
         "time: got 9.04162e+07, expected at most 5e+07 above St = 1e6",
