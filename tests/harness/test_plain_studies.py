@@ -44,9 +44,8 @@ def test_named_solvers_that_refuse_are_rows_too(tmp_path):
 
 
 def test_rows_of_compiled_functions_say_so():
-    study = WorkPrecision(
-        Problem.from_function(smooth, [1.0, 0.0], 2.0), ["taylor", "dop853"], [1e-6], quiet=True
-    )
+    problem = Problem.from_function(smooth, [1.0, 0.0], 2.0)
+    study = WorkPrecision(problem, ["taylor", "dop853"], [1e-6], 21, quiet=True)
     assert set(study.frame["runs_as"]) == {"compiled"}
 
 

@@ -286,9 +286,8 @@ def test_own_references_are_functions_arrays_and_runs():
 
 def test_errors_are_chosen():
     def error(**choice):
-        return WorkPrecision(BRUSSELATOR, ["cyrk-tsit5"], [1e-4], quiet=True, **choice).frame[
-            "error"
-        ][0]
+        study = WorkPrecision(BRUSSELATOR, ["cyrk-tsit5"], [1e-4], 21, quiet=True, **choice)
+        return study.frame["error"][0]
 
     final, mean, largest = error(error="final"), error(error="L2"), error()
     assert final <= largest
@@ -312,7 +311,12 @@ def test_times_are_the_runs_alone():
 
 def test_a_study_over_a_parameter_and_its_page(tmp_path: Path):
     study = WorkPrecision(
-        BRUSSELATOR, ["cyrk-vern7", "cyrk-bdf"], [1e-4, 1e-7], quiet=True, over={"rate": [1.0, 3.0]}
+        BRUSSELATOR,
+        ["cyrk-vern7", "cyrk-bdf"],
+        [1e-4, 1e-7],
+        21,
+        quiet=True,
+        over={"rate": [1.0, 3.0]},
     )
     assert study.frame["rate"].tolist() == [1.0] * 4 + [3.0] * 4
     assert study.frame["known"].all()
@@ -331,12 +335,12 @@ def test_a_function_of_parameters_makes_the_problems():
     def sized(n):
         return Problem.from_function(lambda t, y: -np.arange(1.0, n + 1) * y, [1.0] * int(n), 1.0)
 
-    frame = WorkPrecision(sized, ["cyrk-vern7"], [1e-6], quiet=True, over={"n": [1, 3]}).frame
+    frame = WorkPrecision(sized, ["cyrk-vern7"], [1e-6], 5, quiet=True, over={"n": [1, 3]}).frame
     assert frame["n"].tolist() == [1, 3]
 
 
 def test_figures_name_problem_tolerances_and_solvers():
-    study = WorkPrecision(BRUSSELATOR, ["cyrk-vern7", "radau"], [1e-4, 1e-6], quiet=True)
+    study = WorkPrecision(BRUSSELATOR, ["cyrk-vern7", "radau"], [1e-4, 1e-6], 21, quiet=True)
     axes = study.plot(plt.figure().gca())
     assert axes.get_title(loc="left") == "brusselator, rtol 0.0001 to 1e-06"
     assert {"cyrk-vern7", "radau"} <= {line.get_label() for line in axes.get_lines()}
@@ -420,7 +424,7 @@ def test_functions_are_families_of_their_own():
     def other(f, span, y0, t_eval, rtol, atol):
         return np.exp(-t_eval)[:, None]
 
-    study = WorkPrecision(problem, {"a": exact, "b": other}, tolerances=(1e-5,), quiet=True)
+    study = WorkPrecision(problem, {"a": exact, "b": other}, (1e-5,), 21, quiet=True)
     assert list(study.best()["solver"]) == ["a", "b"]
 
 
@@ -431,7 +435,7 @@ def test_a_run_without_a_result_looks_hollow_and_is_in_the_legend():
         raise RuntimeError("no")
 
     problem = Problem.from_function(lambda t, y: [-y[0]], [1.0], 1.0)
-    study = WorkPrecision(problem, ["taylor", broken], (1e-3, 1e-6), quiet=True)
+    study = WorkPrecision(problem, ["taylor", broken], (1e-3, 1e-6), 21, quiet=True)
     figure, axes = plt.subplots(dpi=300)
     study.plot(axes)
     labels = axes.get_legend_handles_labels()[1]
