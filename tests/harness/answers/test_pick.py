@@ -30,6 +30,8 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.solve import solve
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 SAMPLES = 201
 NUMBER = r"\d(?:\.\d+)?(?:e-?\d+)?"
 
@@ -137,11 +139,12 @@ def test_a_clock_that_is_slow_or_fast_changes_nothing(name, clock):
     scene = api.as_scene(str(Path(__file__).with_name(name)) if "." in name else name)
     error = 1.8e-10 if "." in name else 1e-7
     answers = []
-    for factor in (1.0, 8.0, 0.125):
+    # A race on the scene of the file takes seconds: the slow clock is held against the fast one alone.
+    for factor in (8.0, 0.125) if "." in name else (1.0, 8.0, 0.125):
         clock(factor)
         rows = pick(scene, error).ranking
         answers.append([(row.form, row.solver, row.tolerance) for row in rows])
-    assert answers[0] == answers[1] == answers[2]
+    assert all(answer == answers[0] for answer in answers)
 
 
 def test_a_solver_that_errs_is_seen_through():
