@@ -4,7 +4,7 @@ Simple shear u = y x̂ has equations of its own (`jw1`–`jw3`). Any other linea
 space axes: half its vorticity h₁, h₂, h₃, and its rate of strain S₁₁, S₂₂, S₂₃, S₃₁, S₁₂. S₃₃ is subtracted
 from the diagonal, as a multiple of the unit matrix turns nothing.
 
-`docs/flows.md` has the equations. Labels such as `jw1` are those of the paper's LaTeX source;
+`docs/flows.md` has the equations. Labels such as `jw1` stand in the paper's LaTeX source;
 `docs/misprints.md` says what those formulas should read. t_ij is component j, in space, of body axis i.
 """
 
@@ -27,7 +27,7 @@ Triple = tuple[float, float, float]
 Matrix = tuple[Triple, Triple, Triple]
 
 # A trace up to this share of the gradient's norm is rounding. An estimate: entries that are written
-# with 13 digits stay below it. What is left of a trace turns nothing.
+# with 13 digits stay below it. Such a trace turns nothing.
 _TRACE_ROUNDING = 1e-12
 # A track covers a run that exceeds it by this share of its length: times are rounded, as entries are.
 _TIME_ROUNDING = 1e-12
@@ -318,7 +318,7 @@ def jeffery_in_any_flow(ops: Operations) -> Callable:
 
     The compiled function takes multiples x, y, z of the columns of t_ij and the scale that makes
     columns of them. It also takes `gyration`, (c² - b²)/(b² + c²) and cyclic, and the flow's numbers.
-    With half the vorticity h' and the strain rate S' = t S tᵀ in body axes, the first component is
+    In body axes, h' is half the vorticity, and S' = t S tᵀ is the strain rate. The first component is
     ω₁J = h'₁ + S'₂₃ (b² - c²)/(b² + c²). With the gradient G in body axes this is
     (b² G₃₂ - c² G₂₃)/(b² + c²).
     """

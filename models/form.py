@@ -11,7 +11,7 @@ from polhode.models.observables import Observables
 from polhode.models.problem import Factory, Floats, Invariant, Problem
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
 
-# What `Form.observe` gives: the whole rotation matrix, its row of the symmetry axis alone, or neither.
+# `Form.observe` gives one of these: the whole rotation matrix, its row of the symmetry axis alone, or neither.
 Orientation = Literal["full", "axis", "none"]
 
 # The refusal of a start by L and E alone that no averaged form takes.

@@ -11,7 +11,7 @@ from threading import RLock
 # Held while a library is imported that others import too. The parts of SciPy import each other, and two
 # threads that begin with different parts may wait for each other's, which Python ends with an error.
 IMPORTS = RLock()
-# What pip is told to install, where that is not the library's import name: the package's own name, or the
+# Words that tell pip what to install, if not the library's import name: the package's own name, or the
 # extra of polhode (`pyproject.toml`) that brings the library. Extras are quoted, as shells read brackets;
 # `how_to_install` knows them by the quotes.
 _PACKAGES = {
@@ -27,7 +27,7 @@ _PACKAGES = {
     "sphinx": "'polhode[site]'",
     "xarray": "'polhode[data]'",
 }
-# Libraries whose absence is told in a line: those of solvers, tables and extras. The others that pip installs
+# Libraries whose absence is told in a line: solvers, tables and extras need them. The others that pip installs
 # (click, Jinja2, NumPy, pydantic, tqdm, Beautiful Soup) are not among them: no part of polhode is made to run
 # without these.
 KNOWN_LIBRARIES = frozenset({*_PACKAGES, "heyoka", "llvmlite", "numba", "pandas", "scipy"})

@@ -111,7 +111,7 @@ class Segment:
     # of the segment knows.
     states: Callable[[np.ndarray], np.ndarray] | None = None
     reason: str = ""  # why this problem here, in words
-    # What it is expected to add to the run's largest error of L and E, over I_max.
+    # Expected contribution to the run's largest error of L and E, over I_max.
     error: float = 0.0
     angle: float = 0.0  # the same of the orientation, in rad
     tolerance: float | None = None  # of the solver here, where it is not that of the whole run
@@ -129,7 +129,7 @@ NextSegment = Callable[[float, np.ndarray, float], Segment]
 class Problem:
     """An autonomous initial value problem ``y' = field(y, p)``, ``y(0) = start``, on ``0 <= t <= end``.
 
-    Where rates depend on time, the time is the last component of the state (`timed`). The exception
+    If rates depend on time, the time is the last component of the state (`timed`). The exception
     is a user's function that runs as plain Python (`plain`): it may depend on time, and its field
     gives the rates at the start's time alone. Solvers that take it call it with the time, by
     `OwnField.rates`.
@@ -264,9 +264,9 @@ class Problem:
         time in the state goes on. With a user's function the new run begins before
         `OwnField.t_end` and does not go beyond it, where the field's time may stand still.
 
-        All else stays as in the whole run. A caller whose solver or checks read them clears
-        `closed_form` and `next_segment`, which count time from the start of the whole run,
-        `least_steps`, which counts its steps, and `invariant`, which the state may break already.
+        All else stays as in the whole run. `closed_form` and `next_segment` count time from the
+        start of the whole run, `least_steps` counts its steps, and the state may break `invariant`
+        already. A caller whose solver or checks read these clears them.
         """
         field = self.field
         if isinstance(field, OwnField) and not self.timed:

@@ -144,7 +144,7 @@ class _Recorder:
         # The index of each node, in the order of their recording, and of each constant by its digits.
         self.nodes: dict[Node, int] = {}
         self.constants: dict[str, int] = {}
-        # What the function did that cannot be recorded; empty if nothing.
+        # Says what in the function cannot be recorded; empty if all can.
         self.failure = ""
 
     def node(self, *node: Any) -> "Recorded":
@@ -562,7 +562,7 @@ _NO_DEFAULT = object()
 
 
 def _ufunc(ufunc: Any, method: str, inputs: tuple[Any, ...], named: dict[str, Any]) -> Any:
-    """What NumPy's protocol `__array_ufunc__` asks for: an elementwise function applied by a method.
+    """An elementwise function applied by a method, for NumPy's protocol `__array_ufunc__`.
 
     The method is "__call__", elementwise, or one such as "reduce", which `np.sum` takes of `np.add`,
     "accumulate" or "outer". `inputs` and `named` are the arguments; `out`, if given, is a tuple of
@@ -708,7 +708,7 @@ def _protocolled(x: Any) -> Any:
 
 def numbers_of(rates: Any) -> list[Any]:
     """Rates as a list of numbers of any kind, whatever holds them."""
-    # Of floats and integers, signed or not.
+    # Arrays of floats and integers, signed or not.
     if isinstance(rates, np.ndarray) and rates.dtype.kind in "fiu":
         return rates.ravel().tolist()
     if not isinstance(rates, np.ndarray):

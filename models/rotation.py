@@ -1,6 +1,6 @@
 """Orientation of the body axes: zxz Euler angles, unit quaternions, the matrix t_ij (`tiju`).
 
-Labels such as `tiju` are those of the paper's LaTeX source (`docs/misprints.md`). A quaternion is
+Labels such as `tiju` stand in the paper's LaTeX source (`docs/misprints.md`). A quaternion is
 (q0, q1, q2, q3) with the scalar part first.
 """
 

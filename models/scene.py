@@ -74,7 +74,7 @@ class BodyStart:
             raise ValueError(
                 f"start.quaternion: got {[*map(float, self.quaternion)]}, expected four numbers, not all zero"
             )
-        # What is normalised is not divided again: a scene stays what it is when its file is read.
+        # A normalised quaternion is not divided again: a scene stays what it is when its file is read.
         if abs(norm - 1) > _NORM_ROUNDING:
             # Denormal numbers have no quotients; powers of two leave all others as they are.
             scaled = [ldexp(component, -frexp(norm)[1]) for component in self.quaternion]

@@ -28,7 +28,7 @@ def aligned_start(
 ) -> EulerStart:
     """Start with L = `momentum` ẑ, in units of `Ellipsoid.inertia` times the shear rate: θ = theta, φ = phi, ψ = π/2.
 
-    Angles are in rad. `momentum` may be negative, as that of the flow's own rotation is.
+    Angles are in rad. `momentum` may be negative, as the flow itself turns about -ẑ.
     """
     # With ψ = π/2 the axis x' stands in the plane of z' and ẑ: φ̇₀ = L_z/I₁ and ψ̇₀ = L_z cos θ₀
     # (1/I₃ - 1/I₁), so that θ₀ from 0 to π/2 covers all energies, from L²/2I₃ to L²/2I₁. The captions of
@@ -50,7 +50,7 @@ def _named(
     """A scene of one table of `scenes.toml`, where a start's orientation stands before its motion.
 
     A table has either `time`, in inverse shear rates, or `slow_time`, which is time over St; `start`
-    are its other keys, those of scene files.
+    are its other keys, which scene files have too.
     """
     kind = BodyStart if "quaternion" in start else EulerStart
     a, b, c = semi_axes
@@ -75,7 +75,7 @@ def named_scene(name: str) -> Scene:
 def find_scene(word: str) -> Scene:
     """The scene of a file if one has that name, else the built-in one; raises ValueError if there is neither.
 
-    What is wrong with a file raises as `read_scene` does.
+    Raises as `read_scene` does if something is wrong with the file.
     """
     if exists(word) and not isdir(word):
         # Files are checked by pydantic, which built-in scenes do not need and which takes long to import.

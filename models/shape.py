@@ -1,6 +1,6 @@
 """The shape of the particle: semi-axes, moments of inertia, rotational resistance.
 
-Labels such as `gove` are those of the paper's LaTeX source (`docs/misprints.md`).
+Labels such as `gove` stand in the paper's LaTeX source (`docs/misprints.md`).
 """
 
 from contextlib import suppress

@@ -70,7 +70,7 @@ def structure_of(
 ) -> Structure | None:
     """The structure that is given, checked; None if nothing is given.
 
-    Of `lower` and `upper` one alone may be given: the other one is then 0. Raises ValueError, in one
+    If `lower` or `upper` alone is given, the other one is 0. Raises ValueError, in one
     line, for a matrix that is not of shape (`dimension`, `dimension`), or bands out of range.
     """
     if jacobian is None and sparsity is None and lower is None and upper is None:

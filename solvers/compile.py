@@ -209,8 +209,8 @@ class ParameterPlaces:
 
         | p: parameters | units: variables | offset | pace |
 
-    The units are those of the variables, the offset is the field's time at heyoka's time 0, and the
-    pace is the unit of heyoka's time, in the problem's.
+    There is a unit for each variable. The offset is the field's time at heyoka's time 0. The pace is
+    the unit of heyoka's time, in the problem's.
     """
 
     parameters: int  # number of the field's parameters p

@@ -116,7 +116,7 @@ class Settings:
     # Relative tolerance: a number, or one per component where the solver takes that ("rtol vector"
     # in `Solver.tolerances`).
     rtol: float | tuple[float, ...]
-    # What evaluates the right-hand side: machine code in a loop without Python ("compiled"),
+    # How the right-hand side is evaluated: by machine code in a loop without Python ("compiled"),
     # machine code that a loop in Python calls ("numba", after the library that once made it), or
     # plain Python.
     backend: Backend
@@ -338,7 +338,7 @@ class Solver(ABC):
     # Attributes that a solver from a plug-in must have.
     required: ClassVar[tuple[str, ...]] = ("name",)
     name: ClassVar[str]
-    # What it is, in a few words, for the list of solvers, and which forms it takes if not all.
+    # For the list of solvers, in a few words: what it is, and which forms it takes if not all.
     summary: ClassVar[str] = ""
     accepts: ClassVar[str] = ""
     library: ClassVar[str] = "numpy"

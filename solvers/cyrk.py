@@ -367,7 +367,7 @@ class Call:
         # The same through the entry that takes a Jacobian.
         entry = entry_with_jacobian()
         assert entry is not None, "the settings have been checked"
-        # The pointer to the result, which the library writes, then six vectors, that of events
+        # The pointer to the result, which the library writes, then six vectors, the one for events
         # empty. One array of numbers costs less than objects of ctypes: 4 µs of the 50 that the
         # shortest runs take.
         passed = np.array(
@@ -385,7 +385,7 @@ class Call:
         first = result + _ADDRESS_BYTES
         vectors = range(first, first + 6 * _VECTOR_BYTES, _VECTOR_BYTES)
         states, parameters, requested, rtols, atols, no_events = vectors
-        # The zeros and None are those of the C entry above.
+        # The zeros and None are the same as for the C entry above.
         entry(
             *(result, self.code.address, start, end, states, self.method, 0, 0, parameters),
             *(max_steps, _MAX_RAM_MB, dense, requested, None, no_events, rtols, atols),
@@ -397,7 +397,7 @@ class Call:
 def _run(call: Call, record: Record) -> Outcome:
     """Fill the record's rows, by calls of at most `_CHUNK` steps.
 
-    Where events are sought, a call gives all its steps, and the next one begins with the length of
+    If events are sought, a call gives all its steps, and the next one begins with the length of
     the last step. Otherwise it gives the rows alone, and the library guesses each first step.
     """
     library = call.library
@@ -498,7 +498,7 @@ def _interpolated(
     library = call.library
     if library.c_get_status(result) > 0:
         return result, len(steps)
-    # What is run again is not counted.
+    # The work of steps that are run again is not counted.
     counted = call.calls.copy()
     again = None
     count = 1

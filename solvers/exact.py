@@ -36,7 +36,7 @@ class Exact(Solver):
     def check(self, problem: Problem) -> None:
         """Refuse a problem without a closed form.
 
-        What else `Solver.check` refuses does not matter here, as the formulas never call the field.
+        The other refusals of `Solver.check` do not matter here, as the formulas never call the field.
         """
         if problem.closed_form is None:
             raise SolverNotValidError(

@@ -37,8 +37,8 @@ class _Cut:
     # Number of the record's rows, its start among them, up to each end, that end included.
     rows: list[int]
     values: np.ndarray  # shape (n, k), the last k parameters of the field in each interval
-    # The last component of a state less the record's time. The table's times are those of the
-    # state; a record may begin at any time.
+    # The last component of a state less the record's time. The table counts time as the
+    # state does; a record may begin at any time.
     offset: float = field(default=0.0)
 
 
@@ -70,7 +70,7 @@ def _cut(table: ParameterTable, record: Record) -> _Cut:
     last = int(np.clip(np.searchsorted(knots, end - close, side="left"), first + 1, len(values)))
     ends = np.append(knots[first + 1 : last], end)
     requested = sign * times
-    # Where the first requested time from `ends - close` on lies within `close` of an end, the end
+    # If the first requested time from `ends - close` on lies within `close` of an end, the end
     # moves there.
     after = np.clip(np.searchsorted(requested, ends - close), 0, len(requested) - 1)
     ends = np.where(np.abs(requested[after] - ends) <= close, requested[after], ends)
@@ -82,10 +82,10 @@ def _cut(table: ParameterTable, record: Record) -> _Cut:
 
 
 def _through(integrate: Integrator, table: ParameterTable, record: Record) -> Outcome:
-    """Fill a record's rows, interval by interval; the outcome is that of the last interval begun.
+    """Fill a record's rows, interval by interval; the outcome comes from the last interval begun.
 
-    It is a failure of this function's own where the limit of steps or time is reached at a change,
-    where the library stops short of an end and claims success, and where a state is not finite.
+    This function itself reports a failure in three cases: the limit of steps or time is reached at a
+    change; the library stops short of an end and claims success; a state is not finite.
     """
     cut = _cut(table, record)
     now = float(record.times[0])

@@ -53,10 +53,10 @@ class SolvedSegment:
 class Run:
     """A run on its way, segment by segment.
 
-    `times` are the requested ones, shape (n,), the start's included. After `through`, the first `done`
-    of `times` and `rows` are what the run has finished, `status` and `message` say how it ended, and
-    the reading of `perf_counter` less `began` is what it took, in seconds. `solve` sets `events` and
-    `every_step` before.
+    `times` are the requested ones, shape (n,), the start's included. After `through`, the run has
+    finished the first `done` of `times` and `rows`; `status` and `message` say how it ended. It took
+    the reading of `perf_counter` less `began`, in seconds. `solve` sets `events` and `every_step`
+    before.
     """
 
     def __init__(
@@ -164,7 +164,7 @@ class Run:
     ) -> str:
         """Run the solver over a segment and take over what it has finished; returns its message.
 
-        What it has finished is taken over on Ctrl-C too.
+        Finished rows are taken over on Ctrl-C too.
         """
         try:
             self.status, message = _outcome(integrate, record, self.method.name)

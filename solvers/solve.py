@@ -255,7 +255,7 @@ def _before_start(problem: Problem, method: Solver, settings: Settings) -> Outco
 
 
 def _solution_so_far(run: Run, search: EventSearch | None) -> Solution:
-    """What a run has finished, up to the event that ended it if one did."""
+    """The finished part of a run, up to the event that ended it if one did."""
     seconds = perf_counter() - run.began
     times = run.times[: run.done]
     states = run.rows[: run.done]
@@ -328,8 +328,8 @@ def _per_component(
     """Tolerances of the whole state: a time in it is known exactly, and has no say in the size of steps.
 
     The time is the last component, if the problem is `timed`. `apart` says whether the solver takes
-    an absolute tolerance of each component: then that of the time is the largest time, and
-    its relative one 1.
+    an absolute tolerance of each component: then the time's is the largest time, and its relative
+    tolerance is 1.
     """
     # NumPy would take a microsecond to say so.
     if not problem.timed and isinstance(rtol, float) and (atol is None or isinstance(atol, float)):

@@ -47,7 +47,7 @@ def pattern_of(problem: Problem) -> Any:
 def bands_of(problem: Problem) -> tuple[int, int] | None:
     """The numbers of diagonals below and above the main one; None if they are not known.
 
-    Bands that the user gives come back however many they are, those of a pattern only if they are few.
+    Bands that the user gives come back however many they are, bands of a pattern only if they are few.
     """
     structure = structure_of(problem)
     return structure.bands if structure else None

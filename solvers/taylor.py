@@ -24,8 +24,8 @@ from polhode.solvers.event_search import LOOK_GROWTH, looks
 
 Precision = Literal["double", "long double", "quadruple"]
 
-# Places in what heyoka's propagation returns: how it ended, the number of steps, the series of all
-# steps if it is asked for, and the states at those times of a grid that it reached, the first included.
+# Places in the results of heyoka's propagation: how it ended; the number of steps; the series of all
+# steps if it is asked for; the states at the times of a grid that it reached, the first included.
 _ENDED = 0
 _STEPS = 3
 _SERIES = 4
@@ -40,7 +40,7 @@ _MAX_UNROLLED = 50
 # the range of double precision, which ends at 308. The rest is for rates that are faster or slower than
 # the time says, at n = 20 by 5 decades. An estimate.
 _MAX_EXPONENT = 200.0
-# Steps of a chunk in `propagate_paced`, which share one unit of time. Where rates fall in them by more
+# Steps of a chunk in `propagate_paced`, which share one unit of time. If rates fall in them by more
 # than `_MAX_EXPONENT` allows, the chunk is run again by one step. An estimate.
 _PACED_STEPS = 16
 # A paced run is given up if its chunks have not doubled in length over this many chunks,
@@ -103,7 +103,7 @@ def taylor_integrator(*key: Any) -> Any:
 def forget_integrators() -> None:
     """Forget compiled integrators: the next runs of this thread compile theirs anew.
 
-    Other threads go on with the copies that they have. Where the code lies in memory changes its
+    Other threads go on with the copies that they have. The place of code in memory changes its
     speed by some per cent: a study that times it several times does so over several compilations.
     """
     _compiled.cache_clear()
@@ -291,8 +291,8 @@ def _own_units(
     """
     variables = len(units)
     size = float(np.max(np.abs(state[:variables] / units))) or 1.0
-    # Where rates overflow there is no unit of time to be had from them: the most is taken, and the run
-    # ends by a state that is not finite.
+    # Rates that overflow give no unit of time: the most is taken, and the run ends by a state that is
+    # not finite.
     try:
         rates = problem.field(FLOAT)(state.tolist(), problem.parameters)
     except (ArithmeticError, ValueError):
@@ -382,7 +382,7 @@ class Taylor(Solver):
     """Taylor's method of adaptive step; order about -ln(tolerance)/2 + 1, A-stable at no order.
 
     Tolerance: heyoka's `tol`, relative to the largest entry of the state, for truncation of the
-    Taylor series in each step. Where `atol` differs from `rtol`, the state is integrated in units
+    Taylor series in each step. If `atol` differs from `rtol`, the state is integrated in units
     of atol / rtol, one per component. On stiff problems the step is
     bound by stability. Source: Jorba and Zou, Experimental Mathematics 14 (2005) 99; Biscani and
     Izzo, MNRAS 504 (2021) 2614.
@@ -411,9 +411,9 @@ class Taylor(Solver):
 
         def integrate(record: Record) -> Outcome:
             duration = float(record.times[-1]) - float(record.times[0])
-            # First in the problem's own units; in units that follow the run if that fails, or may. Where
+            # First in the problem's own units; in units that follow the run if that fails, or may. If
             # rates are slow beside the unit of time, coefficients of high order vanish, and with them the
-            # error that they show. Where rates are fast they overflow, as does a state that becomes
+            # error that they show. If rates are fast, coefficients overflow, as does a state that becomes
             # infinite.
             outcome = None
             # Parameters that change along a track do so at times in the problem's own unit, and events are
@@ -431,7 +431,7 @@ class Taylor(Solver):
                     return outcome
             paced = self._bound(problem, settings, paced=True)
             again = propagate_paced(problem, paced, record)
-            # Where both fail, the first failure tells more, unless the second one is a limit of the user's.
+            # If both fail, the first failure tells more, unless the second one is a limit of the user's.
             limited = again[0] in (Status.TIME_LIMIT, Status.STEP_LIMIT)
             return outcome if outcome and not again[0].success and not limited else again
 

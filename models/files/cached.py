@@ -45,7 +45,7 @@ def cache_folder(library: str = "", part: str = "") -> Path:
 
 
 def _base_folder(library: str) -> Path:
-    """The folder of all caches that the user names, else that of one library's."""
+    """The folder of all caches that the user names, else the cache folder of one library."""
     if named := os.environ.get(CACHE_VARIABLE):
         return Path(named).absolute()
     # Without a home nothing is cached: no folder can be made below `os.devnull`, which is a file.

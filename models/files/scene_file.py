@@ -27,7 +27,7 @@ NineVector = Annotated[list[Finite], Field(min_length=9, max_length=9)]
 FourVector = Annotated[list[Finite], Field(min_length=4, max_length=4)]
 SemiAxes = Annotated[list[Positive], Field(min_length=3, max_length=3)]
 # Largest distance of a quaternion's norm from 1 without a warning, by estimate: components typed
-# with two digits lie within it. What lies beyond was not rounded, and may be a mistake.
+# with two digits lie within it. A larger distance is no rounding, and may be a mistake.
 _UNIT_WITHIN = 0.01
 
 
@@ -166,7 +166,7 @@ class SceneTable(Table):
         return self
 
     def scene(self, folder: Path = Path()) -> Scene:
-        """The scene; `folder` holds the file, and that of a track.
+        """The scene; `folder` holds its file, and the file of a track.
 
         Raises ValueError if
 

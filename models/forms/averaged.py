@@ -35,7 +35,7 @@ def mean_squares(ops: Operations):
 
     def means(momentum2, energy2, i1, i2, i3):
         # `near` is the inertia of the axis that the polhode encircles, the greatest one where L² >
-        # 2EI₂ and the least one elsewhere; `far` that of the opposite axis. `short` is 0 at rotation
+        # 2EI₂ and the least one elsewhere; `far` belongs to the opposite axis. `short` is 0 at rotation
         # about the near axis, and `long` would be at rotation about the far one.
         beyond = momentum2 - energy2 * i2
         near = where_positive(beyond, i3, i1)
@@ -73,10 +73,8 @@ def mean_squares(ops: Operations):
 def field(ops: Operations) -> Field:
     """Averaged rates d(L_x, L_y, L_z, E)/dt₂ (`lxmain`–`emain`); p as from `coefficients`."""
     # The paper's A, B, C, D and F are sums of p over the axes, weighted with the mean squares of L's
-    # body components:
-    #
-    #     p[0:3]    p[3:6]   p[6:9]   p[9:12]   p[12:15]   p[15:18]
-    #     inertia   of A     of B     of C      of D       of F
+    # body components. p[0:3] is the inertia; p[3:6], p[6:9], p[9:12], p[12:15] and p[15:18] are summed
+    # for A, B, C, D and F.
     #
     # A damps L, and F L² dissipates E, as in a fluid at rest. The rest is the flow's: B to D turn and
     # drive L, and -½ A L_z, with L_z < 0 as the fluid turns, drives E.
@@ -109,8 +107,8 @@ def coefficients(ellipsoid: Ellipsoid) -> tuple[float, ...]:
     """Inertia sorted upwards, then 8π times the coefficients of ⟨z_i²⟩ in A, B, C, D, F (below `pz`), over I_max.
 
     With i, j, k all different, these are 8π times X_i/I_i in A, X_i in B and X_i/I_i² in F. In C the
-    coefficient of ⟨z_j²⟩ is the sum of X_i l_k²/(l_j² + l_k²) over both i; in D that of ⟨z_k²⟩ is. The
-    fractions are the shares of Jeffery's angular velocity about axis i.
+    coefficient of ⟨z_j²⟩ is the sum of X_i l_k²/(l_j² + l_k²) over both i; in D this sum belongs to ⟨z_k²⟩.
+    The fractions are the shares of Jeffery's angular velocity about axis i.
     """
     unit = max(ellipsoid.inertia)
     axes = ellipsoid.order

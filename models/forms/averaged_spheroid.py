@@ -20,8 +20,8 @@ def field(ops: Operations) -> Field:
     """
     # These are the rates of `averaged`, with its A to D over I_e: `decay` is A, and `from_x`, `from_y`,
     # `from_z` are C/2, D/2, B/2. The mean squares of L's body components over |L| are `along` for the
-    # symmetry axis and half of `across` for either other axis. Of the squared semi-axes, axial and
-    # equatorial, `high` and `low` are the shares κ²/(κ² + 1) and 1/(κ² + 1). The differences B - C and
+    # symmetry axis and half of `across` for either other axis. `high` and `low` are the shares
+    # κ²/(κ² + 1) and 1/(κ² + 1) of the squared semi-axes, axial and equatorial, in their sum. The differences B - C and
     # B - D have the factor (2 along - across)/2 in common, which stands in `tilt`.
 
     def rhs(y, p):

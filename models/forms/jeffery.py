@@ -161,9 +161,9 @@ def _spin_integral(
 
 def _turned_about_third(q: np.ndarray, given: np.ndarray) -> np.ndarray:
     """Quaternions, shape (n, 4), all turned about the third body axis by the angle that makes the first one `given`."""
-    # The turn by an angle ψ multiplies q from the right by (cos ψ/2, 0, 0, sin ψ/2). Of q₀⁻¹ `given`,
-    # with q₀ the first quaternion here, c is the scalar and s the third component. The other two are
-    # rounding.
+    # The turn by an angle ψ multiplies q from the right by (cos ψ/2, 0, 0, sin ψ/2). With q₀ the first
+    # quaternion here, c and s are the scalar and the third component of q₀⁻¹ `given`. The other two
+    # are rounding.
     c = float(q[0] @ given)
     s = float(q[0] @ np.array([given[3], -given[2], given[1], -given[0]]))
     size = hypot(c, s)

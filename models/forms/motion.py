@@ -1,10 +1,13 @@
 """Common to the full forms: the vector equation `ultima` along the body axes, and the rates of a quaternion.
 
-Parameters p of a full form are (alpha, beta, *shape), and for a triaxial one
+Parameters p of a full form are (alpha, beta, *shape), and for a triaxial one:
 
-    p[0]    p[1]   p[2:5]            p[5:8]            p[8:14] or p[8:16]
-    alpha   beta   gyro, per axis    damping rates     in simple shear the six `shares`, in any other
-                   (I₂ - I₃)/I₁ …    8πX_i/I_i         flow its eight numbers (`polhode.models.flow`)
+- p[0]: alpha;
+- p[1]: beta;
+- p[2:5]: gyro, per axis (I₂ - I₃)/I₁ …;
+- p[5:8]: damping rates 8πX_i/I_i;
+- p[8:14]: in simple shear the six `shares`;
+- p[8:16]: in any other flow its eight numbers (`polhode.models.flow`).
 
 Mass alpha stands on the angular velocity, factor beta on the torque: (1, 1/St) is the explicit
 form, (St, 1) the implicit one.

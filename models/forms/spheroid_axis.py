@@ -16,14 +16,14 @@ from polhode.models.scene import Scene
 
 # The parameters p of `field` and of its parts: names in the functions, and what they mean.
 #
-#     p[0]     (alpha)     mass of L, on the left of the equations alone
-#     p[1]     beta        factor of the torque
-#     p[2]     damping     8πY_c/I_e, of L across p̂
-#     p[3]     excess      8π(X_c - Y_c)/I_e: what the damping along p̂ has more
-#     p[4]     flattening  I_e/I_a - 1
-#     p[5]     anisotropy  Λ
-#     p[6:9]               half the vorticity h, in any other flow than shear
-#     p[9:14]              its rate of strain S₁₁, S₂₂, S₂₃, S₃₁, S₁₂, less S₃₃ on the diagonal
+#     p[0]     (alpha)     mass of L, on the left of the equations alone;
+#     p[1]     beta        factor of the torque;
+#     p[2]     damping     8πY_c/I_e, of L across p̂;
+#     p[3]     excess      8π(X_c - Y_c)/I_e, the surplus of the damping along p̂;
+#     p[4]     flattening  I_e/I_a - 1;
+#     p[5]     anisotropy  Λ;
+#     p[6:9]               half the vorticity h, in any other flow than shear;
+#     p[9:14]              its rate of strain S₁₁, S₂₂, S₂₃, S₃₁, S₁₂, less S₃₃ on the diagonal.
 #
 # The state y is (L_x, L_y, L_z) over I_e, then (p_x, p_y, p_z).
 
@@ -205,11 +205,12 @@ def rotation(ops: Operations) -> Field:
 def relaxation_constants(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, ...]:
     """Constants of `relaxation`, from the shares of its way that L goes along and across p̂ in a time h.
 
-    c[0], c[1]   the share across p̂; half of it, with which L_z relaxes to -½
-    c[2]         Λ/2 times the share across, of the strain
-    c[3]         the share across less the share along p̂, of L·p̂
-    c[4]         half of how much less Ω_J·p̂ counts along p̂ than across, of p_z
-    c[5], c[6]   the same, less and plus c[2], for the x and y components
+    - c[0]: the share across p̂;
+    - c[1]: half of it, with which L_z relaxes to -½;
+    - c[2]: Λ/2 times the share across, for the strain;
+    - c[3]: the share across less the share along p̂, for L·p̂;
+    - c[4]: half of how much less Ω_J·p̂ counts along p̂ than across, for p_z;
+    - c[5], c[6]: c[4] - c[2] and c[4] + c[2], for the x and y components.
     """
     across, along, to_axial_spin = _relaxed(p, h, ops)
     strain = 0.5 * p[5] * across
@@ -272,10 +273,11 @@ def relaxation(ops: Operations) -> Callable[..., tuple[Any, ...]]:
 def relaxation_constants_in_any_flow(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, ...]:
     """Constants of `relaxation_in_any_flow`, from the shares of L's way in a time h.
 
-    c[0], c[1]   the share across p̂; the same less the share along p̂, of L·p̂
-    c[2:5]       the share across times the flow's vector h
-    c[5:8]       how much less Ω_J·p̂ counts along p̂ than across, times h
-    c[8:13]      the share across times Λ S, in the order of S in p
+    - c[0]: the share across p̂;
+    - c[1]: the share across less the share along p̂, for L·p̂;
+    - c[2:5]: the share across times the flow's vector h;
+    - c[5:8]: how much less Ω_J·p̂ counts along p̂ than across, times h;
+    - c[8:13]: the share across times Λ S, in the order of S in p.
     """
     across, along, to_axial_spin = _relaxed(p, h, ops)
     hx = p[6]
@@ -373,7 +375,7 @@ def relaxation_rate(p: Sequence[float]) -> float:
 def forgetting_rate(p: Sequence[float]) -> float:
     """The rate, in shear rates, at which L_y decays beside L_z (`lxsmain`–`nsmain`) once the motion has settled.
 
-    It is that of a rod that tumbles, κ → ∞, or of a disc that spins, κ → 0.
+    It is the rate of a rod that tumbles, κ → ∞, or of a disc that spins, κ → 0.
     """
     beta = p[1]
     damping = p[2]

@@ -14,8 +14,8 @@ from polhode.models.problem import Problem
 from polhode.models.rotation import matrix_from_euler
 from polhode.models.scene import Scene
 
-# Rounding of a start that is meant to be planar, such as cos(π/2) = 6e-17, stays below; whatever is
-# larger is taken for meant. Of components of the body's axes, and of ω in shear rates.
+# Rounding of a start that is meant to be planar, such as cos(π/2) = 6e-17, stays below; a larger
+# component is taken for meant. It bounds components of the body's axes, and of ω in shear rates.
 _PLANAR = 1e-14
 
 

@@ -109,8 +109,8 @@ def jacobi(u: LongArray, m1: Long) -> tuple[LongArray, LongArray, LongArray]:
         decay = np.exp(-np.abs(u))
         sech: LongArray = (2 * decay / (1 + decay * decay)).astype(Long)
         return np.tanh(u), sech, sech
-    # `ladder` holds the pairs of the arithmetic-geometric mean of 1 and √m1. At its limit M, where the
-    # Jacobi functions are those of a circle, cs = M cot Mu and dn = 1. The way back up the ladder turns
+    # `ladder` holds the pairs of the arithmetic-geometric mean of 1 and √m1. At its limit M the Jacobi
+    # functions are circular ones: cs = M cot Mu and dn = 1. The way back up the ladder turns
     # these into cs = cn/sn and dn of m; `ratio` is what each step makes the next ones of.
     mean = Long(1)
     geometric = np.sqrt(m1)
@@ -161,8 +161,8 @@ def _phase_theta4(u: LongArray, w: Long, k: Long, k_prime: Long) -> LongArray:
     """The phase by the product of ϑ₄ in the nome q = exp(−πK'/K), for m ≤ 1/2."""
     # With z = πu/2K, ϑ₄(z + iη) is a product of factors, for j = 0, 1, …, but for one that is real:
     #
-    #     (1 − r e^(−2iz)), r = exp(−π (w + 2jK')/K)           of phase  arctan(r sin 2z/(1 − r cos 2z))
-    #     (1 − r e^(+2iz)), r = exp(−π (2K' − w + 2jK')/K)     of phase −arctan(r sin 2z/(1 − r cos 2z))
+    #     (1 − r e^(−2iz)), r = exp(−π (w + 2jK')/K)           of phase  arctan(r sin 2z/(1 − r cos 2z));
+    #     (1 − r e^(+2iz)), r = exp(−π (2K' − w + 2jK')/K)     of phase −arctan(r sin 2z/(1 − r cos 2z)).
     #
     # `decay` is the exponent's (…) here. Factors of negligible r are left out.
     sine_z = np.sin(PI * u / (2 * k))
@@ -182,14 +182,15 @@ def _phase_theta4(u: LongArray, w: Long, k: Long, k_prime: Long) -> LongArray:
 def _phase_theta2(u: LongArray, w: Long, k: Long, k_prime: Long) -> LongArray:
     """The phase by the product of ϑ₂ in the complementary nome q' = exp(−πK/K'), for m > 1/2."""
     # Jacobi's imaginary transformation takes z + iη to i(z + iη)K/K' = a − π/2 + is with a = πw/2K'
-    # and s = πu/2K'. Then ϑ₄(z + iη | q) is, but for a real factor, the product of
+    # and s = πu/2K'. Then ϑ₄(z + iη | q) is, but for a real factor, a product of these factors, the
+    # last two for j = 1, 2, …:
     #
-    #     exp(−(z + iη)² K/(πK'))                       of phase −(πu/2K)(1 − w/K')
-    #     cos(a − π/2 + is) = sin(a + is)               of phase  arctan(tanh s/tan a)
-    #     (1 − r e^(−2ia)), r = exp(2s − 2jπK/K')       of phase  arctan(r sin 2a/(1 − r cos 2a))
-    #     (1 − r e^(+2ia)), r = exp(−2s − 2jπK/K')      of phase −arctan(r sin 2a/(1 − r cos 2a))
+    #     exp(−(z + iη)² K/(πK'))                       of phase −(πu/2K)(1 − w/K');
+    #     cos(a − π/2 + is) = sin(a + is)               of phase  arctan(tanh s/tan a);
+    #     (1 − r e^(−2ia)), r = exp(2s − 2jπK/K')       of phase  arctan(r sin 2a/(1 − r cos 2a));
+    #     (1 − r e^(+2ia)), r = exp(−2s − 2jπK/K')      of phase −arctan(r sin 2a/(1 − r cos 2a)).
     #
-    # for j = 1, 2, …. Factors of negligible r are left out.
+    # Factors of negligible r are left out.
     a = PI * w / (2 * k_prime)
     s = PI * u / (2 * k_prime)
     of_exponential = PI * u / (2 * k) * (1 - w / k_prime)

@@ -37,10 +37,10 @@ class TorqueFree:
     """
 
     # Moments of inertia about the body axes, positive, in any unit and order. Their differences set the
-    # motion, so rational numbers are best: those of doubles are off by 1e-13 for almost equal moments.
+    # motion, so rational numbers are best: in doubles they are off by 1e-13 for almost equal moments.
     inertia: Triple | Rationals
     quaternion: Quaternion  # of the start, q̇ = ½ q∘(0, ω); its norm is divided out
-    # Of the start, in body axes and any inverse unit of the requested times.
+    # At the start, in body axes and any inverse unit of the requested times.
     angular_velocity: Triple
 
     @cached_property

@@ -21,11 +21,11 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-# `PlannedSegment` and `Segment` have comments on their fields. Of the first, `decisive` asks for a new look ahead
-# behind the segment, `swing`, `phase` and `phase_per_error` are errors of angles, in rad. `turned` is the growth of
+# `PlannedSegment` and `Segment` have comments on their fields. In the first, `decisive` asks for a new look ahead
+# behind the segment; `swing`, `phase` and `phase_per_error` are errors of angles, in rad. `turned` is the growth of
 # the full equations' error, summed over slow time.
 #
-# What is chosen by trial here was tried on random starts, other ones than those of reports/hybrid.
+# Constants that stand "by trial" were tried on random starts, which reports/hybrid does not use.
 # Its page counts how many runs stay within the error that they were asked for, and within the one
 # that they state.
 #

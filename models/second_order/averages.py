@@ -1,8 +1,8 @@
 """Second-order averages of a triaxial ellipsoid, per shape and side of L² = 2EI₂: functions of h.
 
-`docs/second-order.md`, section 4, has their mathematics, and section 3 that of the torque which is
-averaged. A rate of either order is a sum of known functions of L; the functions of h are its factors.
-A pose is an orientation of the flow in the frame of L and a size of L.
+`docs/second-order.md`, section 4, derives them; section 3 derives the torque that is averaged. A rate
+of either order is a sum of known functions of L; the functions of h are its factors. A pose is an
+orientation of the flow in the frame of L and a size of L.
 
 S_n and W_n are the flow's rate of strain and its rotation, applied to n; e_x and e_y are the
 directions of the flow and of its gradient. With l = |L|, n = L/l, S_n = ½(e_x n_y + e_y n_x) and
@@ -35,8 +35,8 @@ from polhode.models.second_order.torus import Torus, over_phases, times, turning
 Array = np.ndarray
 
 # Number of polhode phases times ln(1/nome) that resolves second-order averages to 1e-9: the k-th Fourier
-# coefficient of a polhode is about nome^(k/2), nome that of its elliptic functions. At the last one that
-# n phases tell, k = n/2, this is e^(-90/4) = 2e-10.
+# coefficient of a polhode is about nome^(k/2), with the nome of its elliptic functions. At the last one
+# that n phases tell, k = n/2, this is e^(-90/4) = 2e-10.
 _PHASES = 90.0
 # Least number of phases of a polhode. An estimate: fewer cost accuracy near a principal axis, which
 # tests/models/second_order/test_triaxial.py checks; more cost time.
@@ -68,8 +68,8 @@ def averages(side: SidedBody, y: Array) -> tuple[dict[str, Array], float, Array]
     rounding, and what too few phases cost.
 
     The last are the strengths of modes in L', shape (m, MODES, 3, 3), the largest of several
-    orientations of L; the indices are -k₁ - 1, k₂ - 1, and one for the strength at l = 0, its gain per
-    l, and the largest amplitude at l = 1 of all modes and the mean.
+    orientations of L. The second and third index are -k₁ - 1 and k₂ - 1. The last index selects the
+    strength at l = 0, its gain per l, or the largest amplitude at l = 1 of all modes and the mean.
     """
     counts = phases(side, y)
     poses = len(_SIZES)
@@ -109,7 +109,7 @@ def phases(side: SidedBody, y: Array) -> Array:
 
 def _coefficients(mean: Array, second: Array) -> tuple[list[Array], float]:
     """Coefficients, shape (m,) each, from the means in all poses, and the largest misfit."""
-    # Rows of `mean` are the rates of L₁, L₂, L₃, y, α, β; those of `second` of L₁, L₂, L₃, y.
+    # Rows of `mean` are the rates of L₁, L₂, L₃, y, α, β; `second` has rows for L₁, L₂, L₃, y alone.
     x, y, z = (_EVERY_FRAME[:, i] for i in range(3))
     over = 1 / _SIZES
     s0 = x[:, 2] * y[:, 2]
@@ -119,10 +119,10 @@ def _coefficients(mean: Array, second: Array) -> tuple[list[Array], float]:
     # S_n⊥ and W_n, then their products with n×, each of shape (2, poses): n is e₃ in this frame.
     flow = [0.5 * (x * y[:, 2:] + sign * y * x[:, 2:])[:, :2].T for sign in (1, -1)]
     turned = [np.stack([-part[1], part[0]]) for part in flow]
-    # Columns of p₁ and p₂, then those of p₃ to p₆.
+    # Columns of p₁ and p₂, then columns of p₃ to p₆.
     across = [part * over for part in flow]
     steep = [*(part * s * over for part in turned), *(part * w for part in across)]
-    # Each part has what the functions are factors of, and the rate. As n is e₃, l' is that of L₃.
+    # Each part has what the functions are factors of, and the rate. As n is e₃, l' is the rate of L₃.
     first, misfit_of_first = fitted(
         [
             ((_SIZES, w0), mean[2]),  # f₀, f₂
@@ -212,7 +212,7 @@ def _change_of_h_rate(torus: Torus, dm: Triple, changed: Triple) -> Array:
         + dot(relative, changed)
         - p.slope[:, None, None] * change_of_y * dot(m, tau)
     )
-    # The last summand is that of 1/l²: the generator changes l by its change of L along e₃.
+    # The last summand comes from 1/l²: the generator changes l by its change of L along e₃.
     return 2 * change_h / size**2 - 2 * rate_h * change[2] / size
 
 

@@ -30,8 +30,8 @@ _UNITS = np.concatenate([np.eye(6), 1j * np.eye(6)[:3]])
 # the period π in α, as k₁ + k₂ is even. The first phase is a quarter of a spacing, so that the four
 # are as good as eight for a product that is even in α.
 _PHASES = pi / 4 * (np.arange(4) + 0.25)
-# A turn about L by β multiplies c of a tensor by e^(-ikβ), so that the mean over all turns keeps
-# the products of two c's of the same k alone. Each of these products multiplies a sum of two
+# A turn about L by β multiplies c of a tensor by e^(-ikβ). The mean over all turns therefore keeps
+# only the products of two c's that have the same k. Each of these products multiplies a sum of two
 # entries of the matrix of `squares_of`. An entry is named by the rows p, q of `_UNITS` that it
 # belongs to; shares are the factors of the two entries:
 #
@@ -104,7 +104,7 @@ def squares_of(series: swing.Series) -> Array:
     """Matrices at each of `_DEPTHS` at |L| = 1, shape (20, 9, 9), from the series of a side.
 
     Entry p, q is the mean over `_PHASES` of the scalar product of the changes by rows p and q of
-    `_UNITS`, each change being of L and of R, six numbers.
+    `_UNITS`. A change has six numbers, three for L and three for R.
     """
     a2, alpha = (
         np.repeat(grid.ravel(), len(_UNITS))

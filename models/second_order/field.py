@@ -29,11 +29,11 @@ COEFFICIENTS = (*_FIRST, *SECOND_ORDER, "nu1", "nu2")
 # Numbers in front of the series in p.
 _HEAD = 2
 _SERIES = len(COEFFICIENTS)
-# Chebyshev terms of each series. An estimate: with them tables have the functions of first order to
-# 1e-10 and those of second order to 1e-5 in the median (tests/models/second_order/test_triaxial.py).
+# Chebyshev terms of each series. An estimate: with them tables have functions of first order to 1e-10
+# and functions of second order to 1e-5 in the median (tests/models/second_order/test_triaxial.py).
 NODES = 32
-# Resonances whose poles the field has room for. An estimate: of more, those of the largest residues
-# are taken (`tables.made`).
+# Resonances whose poles the field has room for. An estimate: if there are more, `tables.made` takes
+# the ones with the largest residues.
 POLES = 8
 # Numbers of each pole.
 POLE = 2 + 2 * len(SECOND_ORDER)
@@ -67,7 +67,7 @@ def field(ops: Operations) -> Field:
         # it is ±w², w being the width of the resonance in a².
         drift = a * a * (g0 + 0.5 * g2 * nz * over) * over
         for pole in range(_FIRST_POLE, _FIRST_POLE + POLES * POLE, POLE):
-            # A pole's numbers: its a², 1/(St dD/da²), the residues of second order, those of first.
+            # A pole's numbers: its a², 1/(St dD/da²), residues of second order, residues of first order.
             of_twice = pole + 2
             of_once = of_twice + len(SECOND_ORDER)
             twice, once = regular(a * a - p[pole], drift * p[pole + 1])

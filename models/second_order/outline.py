@@ -22,12 +22,12 @@ from polhode.models.second_order.tables import Kick
 
 Array = np.ndarray
 
-# What stands here by trial was tried on random starts. reports/hybrid and reports/second-order have
+# Constants that stand "by trial" were tried on random starts. reports/hybrid and reports/second-order have
 # other starts, and count how many runs stay within the errors that they were asked for and that they
 # state. Estimates decide what a run costs, not what it states.
 #
-# Largest rho at which a run is averaged. An estimate: third-order terms exceed those of second order
-# there, as `path._MARGIN` has them, so that the expansion in 1/St means nothing.
+# Largest rho at which a run is averaged. An estimate: there third-order terms exceed second-order ones by
+# the estimate of `path._MARGIN`, so that the expansion in 1/St means nothing.
 _MAX_RHO = 0.35
 # The highest harmonic of the torque in a phase: an error φ of the phase, in rad, makes an error of
 # this many φ rho |L| in what the generator puts back.
@@ -81,7 +81,7 @@ class PlannedSegment:
     decisive: bool = False  # whether the run behind it needs a new outline
     # Error in rad that averaging adds to angles at once: what `AveragingErrors` has as `at_once` and `lag`.
     swing: float = 0.0
-    # Error in rad that angles gain in the segment from what averaging has made of L and E since the outline's
+    # Error in rad that angles gain in the segment: from averaging's errors of L and E since the outline's
     # start, and per further error of L and E, over I_max.
     phase: float = 0.0
     phase_per_error: float = 0.0
@@ -110,7 +110,7 @@ class KickAhead(NamedTuple):
     """A kick that is not left out, as errors made before it meet it."""
 
     time: float  # slow time
-    # G just before the kick, shape (4, 4): rows and columns are those of |L|, E, α and β.
+    # G just before the kick, shape (4, 4): rows and columns belong to |L|, E, α and β.
     error_form: Array
     turned: Array  # `Path.turned` at its time, shape (2, 2)
 
@@ -121,13 +121,17 @@ class Ahead:
 
     An error e = (z, φ) of (|L|, E) and of (α, β) turns the phase of a kick by k·φ, and so the kick.
     At random phases the mean square of the error at the end of the run is e·Ge. From the end of the
-    run backwards, G takes two steps at each kick::
+    run backwards, G takes two steps at each kick.
 
-            |L| E  α  β
-        M = | 1  0  0  0 |  |L|    from one kick to the next: G becomes MᵀGM, where B is what the
-            | 0  1  0  0 |  E      angles turn on the way per error of (|L|, E)
-            |  B    1  0 |  α
-            |       0  1 |  β      at a kick: its mean square times k kᵀ is added to the last 2 x 2
+    - At the kick, its mean square times k kᵀ is added to the last 2 x 2 entries.
+    - From one kick to the next, G becomes MᵀGM. B is what the angles turn on the way per error of
+      (|L|, E)::
+
+                |L| E  α  β
+            M = | 1  0  0  0 |  |L|
+                | 0  1  0  0 |  E
+                |  B    1  0 |  α
+                |       0  1 |  β
     """
 
     path: Path
@@ -151,7 +155,7 @@ class Ahead:
         most_by_all = _SHARE_OF_KICKS / _RANDOM_PHASES * budget
         # Error of all kicks left out so far: their phases are random, so that squares add up.
         left_together = 0.0
-        # At the end of the run errors of |L| and E count, those of the angles do not.
+        # At the end of the run errors of |L| and E count, errors of the angles do not.
         error_form = np.diag([1.0, 1, 0, 0])
         # `Path.turned` at the next kick that is not left out, or at the end of the run.
         turned_later = path.turned[-1]
@@ -221,10 +225,11 @@ class AveragingErrors(NamedTuple):
 
     drifting: Array  # lasting ones of L and E, of all segments so far
     passing: Array  # of L and E, at that time alone
-    # Of L and E, if a segment begins there: what the swing leaves out is an error of the slow state, and lasts.
+    # The swing leaves out this error of L and E. If a segment begins there, it is one of the slow state, and lasts.
     offset: Array
     at_once: Array  # of angles, at that time alone: rho of a spheroid, what the swing leaves out of others
-    # Of angles, of the whole path so far: the swing's mean square, and kicks left out, which spheroids have not.
+    # Error of angles over the whole path so far: by the swing's mean square, and by kicks left out. Spheroids
+    # have no kicks.
     lag: Array
 
 
@@ -295,7 +300,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
         at_once = np.where(passing > 0, passing / path.scale, 0)
         errors = AveragingErrors(drifting, passing, passing, at_once, lag + phase_of_kicks)
     else:
-        # Where a spheroid starts, |L| is met to a higher order; its slow phase is not.
+        # The start of a spheroid has |L| to a higher order, but not the slow phase.
         errors = AveragingErrors(drifting, passing, np.zeros_like(passing), path.swing, lag)
     orientation = pi
     if np.isfinite(path.swing).all():
@@ -317,8 +322,9 @@ def _cause_by_path(path: Path, budget: float) -> Array:
 def _errors_of_kicks_left(ahead: Ahead, path: Path, averaged: Array) -> tuple[Array, Array]:
     """Errors by all kicks left out so far where the run is averaged, at random phases, shapes (m,).
 
-    They are those of L and E, over I_max, and those of α and β, in rad. A kick changes E and |L| in a proportion
-    of its own, which may change a², and so the rates of the angles, by far more than an error of both alike does.
+    The first are errors of L and E, over I_max, the second are errors of α and β, in rad. A kick changes E and
+    |L| in a proportion of its own. It may thereby change a², and so the rates of the angles, by far more than an
+    error that is alike in both.
     """
     errors = np.zeros(len(path.times))
     square = np.zeros(len(path.times))

@@ -26,7 +26,7 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-# What stands here by trial was tried on random starts. reports/hybrid and reports/second-order have
+# Constants that stand "by trial" were tried on random starts. reports/hybrid and reports/second-order have
 # other starts, and count how many runs stay within the errors that they state.
 #
 # Tolerance of the solver that follows a path: an error of the path shifts the times of kicks. An
@@ -192,8 +192,8 @@ class Path:
     @cached_property
     def change(self) -> Array:
         """|L'| of first order over I_max."""
-        # Between two steps the rate is that of the parabola through three points; at the ends it is
-        # that of the first and of the last step.
+        # Between two steps the rate is the slope of the parabola through three points; at the ends it
+        # is the slope of the first and of the last step.
         steps = np.diff(self.times)
         # At extreme St rates in slow time overflow: they are as good as infinite.
         with np.errstate(over="ignore", invalid="ignore"):
@@ -266,7 +266,7 @@ class Path:
 
     def phase(self, error: Array) -> Array:
         """Errors of the angles, in rad: lasting errors of L and E make their rates wrong."""
-        # Beyond half a turn nothing is known of an angle.
+        # An angle with an error of half a turn is unknown: a larger error says no more.
         return np.minimum(self.summed(error * self.dephasing) / self.torque_factor, pi)
 
     @property
@@ -326,8 +326,8 @@ class Path:
     def beside(self) -> Array:
         """Passing errors of L and E, over I_max, beside resonances that the path comes near and does not pass.
 
-        Their modes swing L and E with an amplitude like 1/D, D their frequency. What the swing changes of
-        D is left out: in the distance in a², errors fall like its third power.
+        Their modes swing L and E with an amplitude like 1/D, D their frequency. The change of D by the
+        swing is left out: in the distance in a², errors fall like its third power.
         """
         errors = np.zeros(len(self.times))
         for longest, points, table in self._sides:
@@ -387,7 +387,7 @@ class Path:
         unit = max(self.ellipsoid.inertia)
         jumps = []
         for at in np.flatnonzero(inside[:-1] & ~inside[1:]):
-            # The last row but one is that of ν₁.
+            # The last row but one is ν₁.
             series = tables.table(self.ellipsoid, bool(self.longest[at])).series[-2:-1]
             nu1 = tables.evaluated(series, 2 * self.a2[at : at + 1] / tables.MAX_A2 - 1)[0, 0]
             rate = abs(np.gradient(self.slow[:, 3], self.times)[at]) / unit

@@ -4,7 +4,7 @@ Body axes are permuted so that the polhode circles axis 3 and axis 2 is the inte
 i_j = 1/I_j, h = 2E/L² lies between i₃ and i₂, and y = ln((h - i₃)/(i₂ - h)) is the variable used
 for it. The frequencies ν₁ and ν₂ are divided by l = |L|. A side is the region of h on one side of
 L² = 2EI₂: on it the polhode circles the longest or the shortest axis. `docs/second-order.md`,
-section 2, has the phases and frames; labels such as `eq:omg1` are those of the paper's equations.
+section 2, has the phases and frames; labels such as `eq:omg1` name the paper's equations.
 """
 
 from dataclasses import dataclass, replace
@@ -195,7 +195,7 @@ class Polhodes:
     @cached_property
     def per_y(self) -> "Derivatives":
         """Derivatives with respect to y at fixed phases."""
-        # Of each pair the step forwards counts with the weight, the step backwards with its negative.
+        # In each pair the step forwards has the weight, the step backwards its negative.
         steps, weights = np.array(_DIFFERENCES).T
         steps = np.concatenate([steps, -steps])
         weights = np.concatenate([weights, -weights]) / _STEP

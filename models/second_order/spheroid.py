@@ -96,7 +96,7 @@ def parameters(spheroid: Spheroid, torque_factor: float) -> tuple[float, ...]:
 
 def slow_rates(ops: Operations) -> Callable[..., Any]:
     """Rates l'/l, h'/(h(1-h²)) and L'⊥ from l = |L|, n and h²; p as for `field`."""
-    # Where each polynomial of `coefficient_polynomials` begins in p, x being h²:
+    # Index in p at which each polynomial of `coefficient_polynomials` begins, x being h²:
     #
     #     f0  f2  g0  g2  e  r1  r2   a1  a2  b1  b2  p1  p2  p3  p4  p5  p6
     #      0   2   4   5  6   8  10   12  15  18  20  22  25  28  31  34  37
@@ -203,7 +203,7 @@ def generator(
     return change, cross(axis, cross(tilt, n)), axis
 
 
-# Of `generator`: 1/|L|, n, e, f, h and r²; and nn, ne, nf, ee and ef.
+# `generator` names them 1/|L|, n, e, f, h and r²; and nn, ne, nf, ee and ef.
 _Frame = tuple[Any, Triple, Triple, Triple, Any, Any]
 _Strain = tuple[Any, Any, Any, Any, Any]
 

@@ -181,10 +181,10 @@ _COLUMNS = _OVER_ONCE + _OVER_TWICE
 #                          …
 #
 # A part uses the column |k₂| over D, and the parts of y' and L₃' a column over D², too. With p such
-# a product the summand is
+# a product the summand is the part's factor times c times
 #
-#     over D      -i p, if k₂ < 0 i p*          times the part's factor and c
-#     over D²        p, if k₂ < 0   p*
+# - -i p over D, or i p* if k₂ < 0;
+# - p over D², or p* if k₂ < 0.
 #
 # As factors are real or imaginary, the real and the imaginary part of a summand are each a number
 # times the real or the imaginary part of p.
@@ -214,7 +214,7 @@ def _summands() -> _Summands:
             column = _OVER_ONCE * squared + abs(part.k2)
             product = _COLUMNS * number + column
             of_real, of_imaginary = _factors(part, squared)
-            # One of the two factors is real, the other imaginary. If that of Re p is real, the
+            # One of the two factors is real, the other imaginary. If the factor of Re p is real, the
             # summand's real part comes from Re p and its imaginary part from Im p, else crosswise.
             place_of_real = 2 * product
             place_of_imaginary = 2 * product + 1
@@ -229,7 +229,7 @@ def _summands() -> _Summands:
 
 
 def _factors(part: _Part, squared: bool) -> tuple[complex, complex]:
-    """What a part's summand over D or D² has of the real and of the imaginary part of its product."""
+    """Factors of the product's real and imaginary part in a part's summand over D or D²."""
     mirrored = part.k2 < 0
     over_divisor = 1j if mirrored else -1j
     of_real = part.factor * (1 if squared else over_divisor)
@@ -237,11 +237,10 @@ def _factors(part: _Part, squared: bool) -> tuple[complex, complex]:
 
 
 _SUMMANDS = _summands()
-# Kinds of sums in the order of `_Summands.kinds`: the change of y, of α, of L₃, of L₁ + iL₂ over D,
-# and what those of y and of L₃ over D² are for.
+# Place of the sums of L₁' + iL₂' among the kinds of sums, in the order of `_Summands.kinds`.
 _SUM_ACROSS = 3
-# Of the functions of α in `Series.shape`, χ, y₁, y₂ and y₃, the first and the third are sums of
-# sines, the others of cosines. These are their places among cos and sin of each, one after another.
+# `Series.shape` has the functions χ, y₁, y₂ and y₃ of α: the first and the third are sums of sines,
+# the others of cosines. These are their places among cos and sin of each, one after another.
 _SINE_OR_COSINE = [1, 2, 5, 6]
 
 
@@ -430,9 +429,9 @@ class Place:
         a = _columns(np.sqrt(self.a2))
         size = _columns(size)
         kinds = self._sums(nu, c, a * size**2, torque_factor)
-        # ν₁, ν₂ and their derivatives with respect to y; the six kinds of sums, of which `drawn` is that of
-        # y' over D² and `growth` that of L₃' over D². The sums hold c, but are those of |L| = 1 else: U of L
-        # is 1/l times as large, U of y and of the angles 1/l².
+        # ν₁, ν₂ and their derivatives with respect to y; then the six kinds of sums: `drawn` sums y' over D²,
+        # `growth` sums L₃' over D². The sums hold c, but else belong to |L| = 1: U of L is 1/l times as large,
+        # U of y and of the angles 1/l².
         nu1, nu2, rise1, rise2 = _columns(nu)
         u_y, u_a, u_l, _, drawn, growth = _columns(np.real(kinds))
         across = _columns(kinds)[_SUM_ACROSS] / size
@@ -562,8 +561,8 @@ def modes_at(
         counts = (_ORDERS[row, column] == sign * k1)[:, None] & (_K2[parts] == sign * k2[:, None])
         return np.sum(np.where(counts, factors[many, row, parts], 0), axis=1)
 
-    # With L₁' + iL₂' of f e^(iψ) + b e^(-iψ), P of L₁' is (f + b*)/2 and P of L₂' is (f - b*)/2i: the
-    # squares of both are half of those of f and b.
+    # With L₁' + iL₂' of f e^(iψ) + b e^(-iψ), P of L₁' is (f + b*)/2 and P of L₂' is (f - b*)/2i: their
+    # squares have the sum (|f|² + |b|²)/2.
     forward = mode(_ACROSS, 1)
     backward = mode(_ACROSS, -1)
     along = mode(_ALONG, -1)

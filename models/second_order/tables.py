@@ -84,7 +84,7 @@ _FAR = 1e3
 # width of 0.1. An estimate: a smaller one raises the size next to resonances.
 _POLE_WIDTH_SQUARED = 0.01
 # Least and largest half length of a resonance's full segment, in widths √(1/(St |dD/dt₂|)) of it, D being
-# the divisor; by trial on random starts, other ones than those of reports/hybrid.
+# the divisor; by trial on random starts, which reports/hybrid does not use.
 _WIDTHS = (4.0, 40.0)
 
 
@@ -167,7 +167,7 @@ def made(side: SidedBody) -> Table:
     resonances = _resonances(series[-2:], _POINTS, strengths)
     poles = _poles(side, resonances)
     values = np.stack([functions[name] for name in SECOND_ORDER])
-    # What the poles leave is smooth, but for rounding next to them.
+    # Without the poles the functions are smooth, but for rounding next to the poles.
     for pole in poles:
         twice, once = regular(_POINTS - pole[0], 0 * _POINTS)
         values -= np.outer(pole[_OF_SECOND_ORDER], twice) + np.outer(pole[_OF_FIRST_ORDER], once)
@@ -197,7 +197,7 @@ def _resonances(rates: Array, points: Array, strengths: Array) -> Array:
         divisor = k1 * nu[0] + k2 * nu[1]
         combined = (k1 * rates[0] + k2 * rates[1])[None]
         for i in np.flatnonzero(divisor[1:] * divisor[:-1] < 0):
-            # The first guess is that of a straight line.
+            # The first guess is the root of a straight line.
             root = t[i] - divisor[i] * (t[i + 1] - t[i]) / (divisor[i + 1] - divisor[i])
             slope = (divisor[i + 1] - divisor[i]) / (t[i + 1] - t[i])
             for _ in range(_NEWTON_STEPS):
@@ -206,8 +206,8 @@ def _resonances(rates: Array, points: Array, strengths: Array) -> Array:
                 slope = (above - below) / (2 * _NEWTON_STEP)
                 root -= middle / slope
             a2 = 0.5 * MAX_A2 * (1 + root)
-            # Of `averages`, at the points of falling a²: strength at l = 0, its gain per l, and the
-            # strength of all modes. They change by powers of ten, so that their logarithms do evenly.
+            # From `averages`, at points of falling a²: strength at l = 0, its gain per l, and the
+            # strength of all modes. They change by powers of ten: their logarithms change evenly.
             logs = np.log(strengths[::-1, -k1 - 1, k2 - 1].T + _NO_STRENGTH)
             still, gain, most = (np.exp(np.interp(a2, points[::-1], column)) for column in logs)
             if still + gain > _FAINT * most:
@@ -280,7 +280,7 @@ def parameters(ellipsoid: Ellipsoid, torque_factor: float, longest: bool) -> tup
     """Parameters p of `field` on one side."""
     averaged = table(ellipsoid, longest)
     unit = max(ellipsoid.inertia)
-    # Functions over St: those of second order, and e_α, e_β, as the angles are St σ.
+    # Functions over St: all of second order, and e_α, e_β, as the angles are St σ.
     over = {*SECOND_ORDER, "ea", "eb"}
     factors = np.array(
         [(torque_factor if name in over else 1.0) / unit ** _SCALES[name] for name in COEFFICIENTS]

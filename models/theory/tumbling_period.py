@@ -29,7 +29,7 @@ _CONVERGED = 1e-9
 # Relative difference of two periods, over √nodes, that counts as rounding: some 45 roundings of a
 # number. An estimate: with half of it, some runs would take twice the nodes for the same digits.
 _ROUNDOFF = 1e-14
-# Rate w at which any body turns if St is large: that of the fluid, half the shear rate.
+# Rate w at which any body turns if St is large: the fluid's, half the shear rate.
 _RATE_OF_FLUID = 0.5
 # Half turns over which the guess marches: behind the first one it has forgotten its start, or St
 # is so large that w hardly leaves it.
@@ -100,8 +100,8 @@ def _marched(slope: np.ndarray, equilibrium: np.ndarray, damping: float) -> np.n
     """w, shape (n,), within O(1/n), by implicit Euler steps from w = 1/2 over two half turns."""
     # The equation contracts everywhere and each step has one positive root, so that this cannot
     # fail. `step` is ε⁻¹ slope ds, and the new w has w = rate - step (1 - g/w), which is
-    # w² - 2 half w - step g = 0. Of the two ways to write its positive root the code takes the one
-    # that adds.
+    # w² - 2 half w - step g = 0. The code writes its positive root in the way that adds, as a
+    # difference would cancel.
     steps = (pi / len(slope) * damping * slope).tolist()
     rates = []
     rate = _RATE_OF_FLUID

@@ -47,8 +47,8 @@ def _numbers(fractions: Sequence[str]) -> list[float]:
 STAGES = [_numbers(row) for row in _TABLE["stages"]]
 DIFFERENCE = _numbers(_TABLE["difference"])
 BENDS = _numbers(_TABLE["bends"])
-# Estimates here change the number of steps, and thereby the time. What a step may err by follows from
-# the tolerance.
+# Estimates here change the number of steps, and thereby the time. The tolerance alone decides the error
+# that a step may make.
 #
 # Share of the step that the error asks for; an estimate.
 _SAFETY = 0.9
@@ -140,7 +140,7 @@ def run_adaptive(
     states = np.full((n, len(times), d), np.nan)
     states[:, 0] = starts
     statuses = np.array([str(Status.REACHED_END)], dtype=object).repeat(n)
-    # Of each particle: the next time to be filled, and the steps tried.
+    # For each particle: index of the next time to be filled, and number of steps tried.
     due = np.ones(n)
     tried = np.zeros(n)
     # Particles under way, and their rows; and how many have begun.
@@ -155,7 +155,7 @@ def run_adaptive(
         # Shape (groups, _STEPS + 1, row size, width): row by row of each group of lanes.
         path = code.march(rows, _STEPS + 1, constants, 1)
         group, lane = np.divmod(np.arange(len(index)), width())
-        # Where each particle's path begins, in numbers.
+        # Index in numbers at which each particle's path begins.
         first = group * path[0].size + lane
         counts = np.array([len(index), len(times)], dtype=float)
         fill(path, first.astype(float), index.astype(float), times, due, states, counts)

@@ -77,8 +77,8 @@ class Plan:
     apart: float
     # Bound of most errors of the sample (`_BOUNDED_SHARE`), before particles in doubt are run anew.
     error: float
-    # Of a particle from one time to the next, check and runs anew included; one unit is a slow and a
-    # fast flow of a splitting.
+    # Cost of a particle from one time to the next, check and runs anew included; one unit is a slow and
+    # a fast flow of a splitting.
     cost: float
 
 
@@ -158,7 +158,7 @@ def _march(by: Method, starts: Array, times: Array, steps: int) -> Array:
 
 
 def _step(times: Array, steps: int) -> float:
-    """Length of a step, in the problem's time, with so many from one time to the next."""
+    """Length of a step, in the problem's time, with `steps` from one time to the next."""
     return float(times[-1]) / (len(times) - 1) / steps
 
 

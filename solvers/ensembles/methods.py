@@ -68,8 +68,8 @@ def method(name: str, problem: Problem) -> Method:
 def _fast_shares(scheme: Scheme) -> tuple[float, ...]:
     """Shares of the fast flows whose constants a step needs.
 
-    They are the first half of a step's; that of the last flow of a step and the first of the next in
-    one; and that which undoes the first one.
+    First come the shares of the first half of a step. The next share joins the last flow of a step and
+    the first one of the next step. The last share undoes the first flow.
     """
     return *scheme.fast, 2 * scheme.fast[0], -scheme.fast[0]
 
@@ -132,7 +132,7 @@ def _runge_kutta(field: Factory, dimension: int, parameters: int) -> tuple[Lanes
 def change(h: Any, shares: Sequence[float], slopes: Sequence[Sequence[Any]]) -> list[Any]:
     """Change of each component in a step of length h, by the shares of slopes.
 
-    Shares behind those of the slopes given are 0: in a table's row they belong to later stages.
+    Shares without a slope here are 0: in a table's row they belong to later stages.
     """
     used = [(share, slope) for share, slope in zip(shares, slopes, strict=False) if share]
     changes = list[Any]()

@@ -15,7 +15,7 @@ from polhode.solvers.ensembles.one_by_one import run_one_by_one
 from polhode.solvers.machine_code.program import REGISTERS
 
 # A particle that needs more steps is recorded as failed: a stiff one, at small St, is no case for
-# this method. An estimate: so many steps take ten seconds or more.
+# this method. An estimate: 1e7 steps take ten seconds or more.
 _MOST_STEPS = 10_000_000
 # Places in what heyoka's propagation of a batch returns: the states on the grid, shape (m, d, lanes);
 # and in its result for a lane: how it ended.

@@ -16,7 +16,7 @@ import numpy as np
 
 from polhode.solvers.machine_code.llvm import compile_file
 
-# What the file of LLVM's language needs to know of Python and NumPy: size of the head that every
+# The file in LLVM's language needs these facts of Python and NumPy: size of the head that every
 # object begins with, in bytes; the character that NumPy has for the processor's byte order; its
 # number of the type float64; and the addresses of objects, which `id` gives.
 _LAYOUT = {

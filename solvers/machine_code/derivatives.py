@@ -104,14 +104,14 @@ def _function(name: str, derivative: Callable[[Any], Any], x: Any) -> Any:
 def _where_positive(x: Any, a: Any, b: Any) -> Dual:
     where = partial(OPERATIONS.where_positive, _value(x))
     value = where(_value(a), _value(b))
-    # Slopes on either side of x = 0; that of the change from one side to the other is left out.
+    # Slopes on either side of x = 0; the jump from one side to the other adds none.
     above = _slopes(a)
     below = _slopes(b)
     slopes = {i: where(above.get(i, 0.0), below.get(i, 0.0)) for i in {*above, *below}}
     return Dual(value, slopes)
 
 
-# Derivatives of functions of C's library by their only argument; `_of_library` has those of atan2.
+# Derivatives of functions of C's library by their only argument; `_of_library` differentiates atan2.
 _DERIVATIVES: dict[str, Callable[[Any], Any]] = {
     "expm1": partial(call, "exp"),
     "log1p": lambda x: 1.0 / (1.0 + x),

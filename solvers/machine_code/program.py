@@ -330,7 +330,7 @@ def compiled(*programs: Program, number: type = float, level: int = 1) -> list[C
     Those that are not internal have arrays alone as arguments, and become functions, in order.
 
     The arrays, or their addresses, are contiguous and of the type named, float or x86's
-    `numpy.longdouble`: nothing checks that. A call releases Python's lock. `level` is that of
+    `numpy.longdouble`: nothing checks that. A call releases Python's lock. `level` goes to
     `llvm.compile_text`; programs of long loops gain nothing by more than 1.
     """
     engine = compile_text(

@@ -258,7 +258,7 @@ def _located() -> Iterator[None]:
             (f"{frame.filename}:{frame.lineno}: ", f": {frame.line}") if frame else ("", "")
         )
         words = str(error)
-        # What NumPy's functions, `abs` and `np.sin` of an object without such a method say.
+        # Words of NumPy's functions, of `abs`, and of `np.sin` of an object without such a method.
         if re.search("__array_ufunc__|bad operand type for abs|no callable .* method", words):
             words = "a field cannot use this function; use those of ops"
         raise FieldError(f"{where}{words}{line}") from error

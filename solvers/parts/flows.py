@@ -1,11 +1,10 @@
 """The flows of a problem's parts, in lanes, with the constants of a step: parts of kernels.
 
-A scheme reaches machine code as one array, as `schemes.Scheme.numbers` lays it out. Of s stages and
-c chains, and of the s' stages of the one chain that leads to rows, it holds::
+A scheme reaches machine code as one array, as `schemes.Scheme.numbers` lays it out. A scheme has s
+stages and c chains. Its one chain that leads to rows has s' stages. `stages_of`, `shares_of`,
+`weights_of` and `row_scheme_of` find their numbers in the array::
 
     s | fast shares, (s + 1, c) | slow shares, (s, c) | weights, (c,) | s' | fast, s' + 1 | slow, s'
-
-`stages_of`, `shares_of`, `weights_of` and `row_scheme_of` know where these stand.
 """
 
 from collections.abc import Callable, Sequence
@@ -78,9 +77,9 @@ class Flows:
     of these are moved one by one.
 
     Chains are compositions of flows beside each other, each in a SIMD lane. Row i of an array of
-    constants belongs to stage i, and holds those of a fast flow, then those of the slow flow behind
-    it. Of s stages there are s + 2 rows: row s has the last fast flow of a step; row s + 1, of one
-    chain alone, the last fast flow and the first one of the next step, which are one of both times.
+    constants belongs to stage i: it holds the constants of a fast flow, then of the slow flow behind
+    it. An array for s stages has s + 2 rows. Row s has the last fast flow of a step. Row s + 1, of one
+    chain alone, has the last fast flow and the first one of the next step, which are one of both times.
     """
 
     def __init__(self, parts: Parts, dimension: int, number: type = float, chains: int = 1) -> None:
@@ -114,11 +113,11 @@ class Flows:
         return constants + i * float(self.row_size)
 
     def slow_constants(self, row: Array) -> Array:
-        """A row's constants of the slow flow, which stand behind those of the fast one."""
+        """A row's constants of the slow flow, which stand behind the constants of the fast one."""
         return row + self.fast_size
 
     def whole(self, y: Array, base: Sequence[Number]) -> tuple[Number, ...]:
-        """The state that an array holds, whose first components may be gains on those of a base."""
+        """The state that an array holds, whose first components may be gains on the base."""
         numbers = y.load(self.dimension)
         firsts = [before + gain for before, gain in zip(base, numbers, strict=False)]
         return *firsts, *numbers[len(base) :]
@@ -143,7 +142,7 @@ class Flows:
         slow = self.slow_constants(slow_row).load(self.slow_size)
         state = self.whole(y, base)
         if base:
-            # What has been gained advances in the place of the components themselves.
+            # The gains advance in the place of the components themselves.
             y.store(self.both(state, fast, slow, y.load(len(base))))
         else:
             y.store(self.both(state, fast, slow))
@@ -162,7 +161,7 @@ class Flows:
     ) -> None:
         """Compute the constants of a step of time h, in as many lanes as they have.
 
-        `Same` shares are those of the scheme that leads to rows, of one chain in every lane.
+        `Same` shares belong to the scheme that leads to rows, of one chain in every lane.
         """
         fast = self.parts.fast
         slow = self.parts.slow

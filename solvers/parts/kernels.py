@@ -35,7 +35,7 @@ _BAND = 1.05
 _MAX_RELAXED_BACKWARD = 0.05
 # Times at which a check compares runs, in either of its two parts; an estimate.
 _POINTS = 8
-# What two runs of a check differ by for rounding alone, in a fast component of size 1, per type of
+# Rounding alone makes two runs of a check differ by this, in a fast component of size 1, per type of
 # number: some 450 roundings, an estimate.
 _ROUNDING = {float: 1e-13, np.longdouble: 5e-17}
 
@@ -105,7 +105,7 @@ class CheckAt:
     SLOW = SPAN + 3  # largest difference of the two runs in slow quantities
     FAST = SPAN + 4  # the same in fast components, over one and the turns up to there
     CHANGE = SPAN + 5  # of the mean difference of slow quantities, from part to part
-    # Of the first run: largest distance of its fast components from their mean,
+    # Largest distance of the first run's fast components from their mean,
     AMPLITUDE_BEGIN = SPAN + 6  # in the first part,
     AMPLITUDE_END = SPAN + 7  # and in the second
     STEPS = SPAN + 8  # of both runs
@@ -143,7 +143,7 @@ def clock(time: float, number: type = float) -> np.ndarray:
 
 
 def _set_beginning(numbers: np.ndarray | Array) -> None:
-    """Make a clock of zeros and a time, in NumPy or in machine code, that of a run that begins."""
+    """Set a clock of zeros and a time to a run's beginning, in NumPy or in machine code."""
     # No rate lies between LOW, 0, and this bound, so that a first step is chosen.
     numbers[ClockAt.HIGH] = -1.0
     # The start is the first row.
@@ -183,7 +183,7 @@ def _advance(flows: Flows) -> Program:
     chains a state is their mean, and complete after each step. The docstring of `flows` shows what
     `scheme` holds.
 
-    A call ends with a complete state. Where a run is cut into calls therefore matters to rounding
+    A call ends with a complete state. Cutting a run into calls therefore changes rounding
     alone: `_Run.complete` does in two flows what the next step would do in one, and the remainder
     begins at 0.
     """
@@ -192,7 +192,7 @@ def _advance(flows: Flows) -> Program:
     )
     run = _Run(flows, program)
     # Constants lie on this call's stack: a call that goes on needs them anew. In a run's first call
-    # they are those of a step 0, until the loop chooses a step.
+    # the constants belong to a step 0, until the loop chooses a step.
     run.prepare_constants()
     with program.repeat() as leave:
         leave(compare("oge", run.filled[0], run.clock[ClockAt.ROWS]))
@@ -234,8 +234,8 @@ class _Run:
         self.y = program.room(flows.dimension)  # the state on the way
         self.complete_state = program.room(flows.dimension)  # the same, complete, for rows
         self.chain_states = program.room(flows.dimension, flows.chains)
-        # What rounding has left out of the unmoved components. Those behind the moving ones have no
-        # remainder: their means are taken as those of the moving ones are.
+        # Parts of the unmoved components that rounding has left out. Components behind the moving ones
+        # have no remainder: their means are taken like the means of the moving ones.
         self.remainder = program.room(unmoved)
         self.remainder.store([0.0] * unmoved)
         self.y.store(self.state.load(flows.dimension))
@@ -471,7 +471,7 @@ def _check(flows: Flows, advance: Program, rounding: float) -> Program:
         program.call(advance, scheme, law, p, y, run_clock, times, rests, run_rows)
         numbers[CheckAt.STEPS] = numbers[CheckAt.STEPS] + run_clock[ClockAt.STEPS]
         numbers[CheckAt.CODES] = numbers[CheckAt.CODES] + run_clock[ClockAt.CODE]
-    # Of the part before: the sum of the differences of each slow quantity.
+    # Sum of the differences of each slow quantity in the part before.
     size = len(flows.parts.slow_quantities(y))
     change_before = program.room(size)
     with program.times(2.0) as part:
@@ -480,7 +480,7 @@ def _check(flows: Flows, advance: Program, rounding: float) -> Program:
 
 
 def _set_check_times(program: Program, numbers: Array, times: Array) -> None:
-    """Set the times of a check: 0, those of the first part, those of the second."""
+    """Set the times of a check: 0, then times of the first part, then times of the second."""
     points = float(_POINTS)
     # From 0 on: times far from 0 have a rounding larger than the differences that a check seeks.
     span = numbers[CheckAt.SPAN]
@@ -531,7 +531,7 @@ def _compare_part(
         change.store([sum_ + more for sum_, more in zip(change.load(size), slow, strict=True)])
         numbers[CheckAt.SLOW] = larger(numbers[CheckAt.SLOW], length(slow))
         turns = times[part * points + k + 1.0] * rate / (2 * pi)
-        # Rounding is subtracted here alone: that of slow quantities only enters the second result
+        # Rounding is subtracted here alone: rounding of slow quantities only enters the second result
         # of `Planner.estimated`.
         fast = length([second[i] - first[i] for i in moving]) - rounding
         numbers[CheckAt.FAST] = larger(numbers[CheckAt.FAST], fast / (1.0 + turns))

@@ -1,9 +1,7 @@
 """How large steps may be: a law, checked by short runs with two steps.
 
-The law of errors: a step h leaves the slow components with errors of about::
-
-    _COEFFICIENT γ r**-_POWER (h r)**_ORDER
-
+The law of errors: a step h leaves the slow components with errors of about
+``_COEFFICIENT γ r**-_POWER (h r)**_ORDER``.
 r is the rate of the fast angle, γ the rate at which the slow part relaxes, so that h r is the angle
 of a step. The time has no part in it: errors accumulate no longer than the slow components
 remember, a time 1/γ. Solved for h it is the law of steps, ``h = H r**-_EXPONENT``.
@@ -23,7 +21,7 @@ import numpy as np
 from polhode.solvers.contract import Record
 from polhode.solvers.parts.kernels import CheckAt, LawAt
 
-# Of the law above; estimates. The coefficient is an inverse time, in the problem's unit.
+# Numbers of the law above; estimates. The coefficient is an inverse time, in the problem's unit.
 _ORDER = 6
 _POWER = 2.0
 _COEFFICIENT = 6e-7
@@ -43,7 +41,7 @@ _MAX_STEP_SHARE = 0.4
 
 # How long a check is. It takes this share of the remaining run,
 _CHECKED = 0.003
-# and at least and at most so many turns; estimates.
+# and at least and at most these turns; estimates.
 _LEAST_TURNS = 2.0
 _MOST_TURNS = 500.0
 # A run is checked as a whole if it has fewer turns than this,
@@ -56,11 +54,11 @@ _MOST_WHOLE_TURNS = 200.0
 _MEAN_TURNS = 5.0
 # These turns, if a check is longer than this many times as many; an estimate.
 _MIN_SPANS = 4
-# Steps of a check's second run over those of its first. An estimate: nearer to 1 the two runs differ by
+# Steps of a check's second run over the steps of its first run. An estimate: nearer to 1 the two runs differ by
 # less, and by more of rounding; farther from it the second one costs more.
 _FINER = 0.8
 
-# What a check decides. The plan stands if the estimated error over the one aimed at is within
+# Decision of a check. The plan stands if the estimated error over the one aimed at is within
 # these bounds; estimates.
 _LEAST_RATIO = 0.3
 _MOST_RATIO = 2.0
@@ -233,7 +231,7 @@ class Planner:
         # Slow components remember for a time between the memory of the fastest and the slowest one.
         memory = 1 / sqrt(problem.strength * problem.forgetting)
         remaining = max(0.0, min(length, memory) - whole)
-        # What changes from the first part to the second goes on changing like this.
+        # The change from the first part to the second is taken to go on at the same rate.
         growth = remaining / (whole - span)
         slow = results[CheckAt.SLOW] + results[CheckAt.CHANGE] * growth
         # To and fro in the slow quantities, as the root of the steps; of the same sign in the phase,
@@ -241,7 +239,7 @@ class Planner:
         slow_rounding = rate * sqrt(steps) * (1 + growth)
         fast_rounding = steps / (1 + whole / turn) / _PER_TURN
         rounding = problem.epsilon * max(slow_rounding, fast_rounding)
-        # Of an error e the smaller steps leave _FINER**_ORDER e: the difference is the rest.
+        # The smaller steps reduce an error e to _FINER**_ORDER e: the difference is the rest.
         return max(slow, fast / _PER_TURN) / (1 - _FINER**_ORDER), rounding
 
     def _time_of_check(self, length: float, turn: float) -> float:
@@ -257,7 +255,7 @@ class Planner:
     ) -> list[Any]:
         """The numbers of a check by machine code, at the places of `CheckAt`."""
         problem = self.problem
-        # Of a list, as Python fills one in less time than NumPy an array.
+        # A list first, as Python fills it in less time than NumPy an array.
         numbers: list[Any] = [0.0] * CheckAt.SIZE
         numbers[CheckAt.FIRST_LAW : CheckAt.SECOND_LAW] = plan.law()
         numbers[CheckAt.SECOND_LAW : CheckAt.SPAN] = plan.narrowed(_FINER).law()

@@ -67,7 +67,7 @@ class Scheme:
 def _mirrored(half: Sequence[float], length: int, number: type) -> np.ndarray:
     """All shares; the middle ones make their sum 1, as another sum would change the clock.
 
-    The table's digits are those of doubles, whose sum is not 1 in long double.
+    The table has the digits of doubles, whose sum is not 1 in long double.
     """
     mirror_image = half[: length - len(half)][::-1]
     shares = np.array([*half, *mirror_image], number)

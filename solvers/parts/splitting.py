@@ -36,7 +36,7 @@ _SHEAR = 0.5
 # From this rate of relaxation on no means over compositions are taken: for what relaxes in far less
 # than a step they diverge. An estimate.
 _STRONG = 10.0
-# Share of the reach of a fast flow that steps make use of; an estimate. Where relaxation is strong, a row
+# Share of the reach of a fast flow that steps make use of; an estimate. If relaxation is strong, a row
 # may lie a whole step away: `ABA` leads there, by flows of up to a tenth beyond the reach.
 _WIDEST = 0.99
 # Plans are made anew after these shares of a run, as motion settles. These and the next three are
@@ -148,7 +148,7 @@ class Split:
     def advance(self, law: Sequence[float], *arrays: np.ndarray, limit: int) -> int:
         """Advance state and clock until rows at times are filled, or a limit is met; the `Code`.
 
-        The arrays are those of `Kernels.advance`: state, clock, times and rows.
+        The arrays are state, clock, times and rows, as in `Kernels.advance`.
         """
         state, run_clock, times, rows = arrays
         run_clock[ClockAt.LIMIT] = limit

@@ -57,7 +57,7 @@ class MacroAt:
 class RowsAt:
     """Places in the setting of `StrobeKernels.rows`."""
 
-    # The first two are those of `flows.Flows.spread`.
+    # `flows.Flows.spread` reads the first two.
     ROWS = SpreadAt.ROWS
     MICRO_STEPS = SpreadAt.STEPS  # steps of splitting from the end of a turn to a row
     MACRO_TURNS = 2  # length of the macro-step in turns
@@ -112,13 +112,12 @@ def _turn(flows: Flows) -> Program:
     """One turn of the fast angle, forth from the first of two points and back from the second.
 
     Each takes `steps` equal steps of the scheme, of time `h` forth and `-h` back, which turn by
-    nearly 2π. A short step of the scheme turns the rest of it at the rate reached, and as the rate
-    changes a little on the way, a still shorter one of Strang's splitting turns what is left then::
+    nearly 2π. A short step of the scheme turns the rest of the angle at the rate reached. As the rate
+    changes a little on the way, a still shorter step of Strang's splitting turns the angle left then.
+    `points` holds the point that goes forth, then the one that goes back. The steps and their times::
 
         | step | step | ... | step | closing step | half fast, slow, half fast |
-          h      h            h      first rest     last rest                     times
-
-    `points` holds the point that goes forth, then the one that goes back.
+          h      h            h      first rest     last rest
     """
     program = Program("turn", "scheme p forth back points", "steps h", "internal")
     scheme, p, forth, back, points, steps, h = program.arguments
@@ -170,7 +169,7 @@ def _turn(flows: Flows) -> Program:
         program.call(flows.prepare, scheme, p, side.closing, time)
     step([side.closing for side in sides], first_rests)
     passed = [side.sign * steps * h + time for side, time in zip(sides, first_rests, strict=True)]
-    # What is left of the angle after that, by Strang's splitting.
+    # Strang's splitting turns the angle that is left after that.
     last_rests = [rest(side) for side in sides]
     for side, time_passed, time in zip(sides, passed, last_rests, strict=True):
         strang.store(fast.constants(p, 0.5 * time, OPERATIONS))
@@ -261,8 +260,8 @@ def _interpolated(terms: Array, component: int, size: int, x: Number) -> Number:
 def _rows(flows: Flows) -> Program:
     """`StrobeKernels.rows`.
 
-    For each row: guess the number of whole turns to it, look at which time they end, and correct
-    the guess by the turns between there and the row, until these are few enough.
+    For each row: guess the number of whole turns to it and look at which time they end. Correct the
+    guess by the turns from there to the row, until these are few enough.
     """
     program = Program("rows", "scheme p setting terms point times rests rows")
     scheme, p, setting, terms, point, times, rests, rows = program.arguments

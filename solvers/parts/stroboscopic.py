@@ -32,7 +32,7 @@ from polhode.solvers.parts.strobe_kernels import (
     strobe_kernels,
 )
 
-# Where a number is called an estimate, no measurement of it is recorded. The shares of the tolerance,
+# Numbers called estimates have no recorded measurement. The shares of the tolerance,
 # `MAX_MICRO_STEPS` and `_ROUNDING` decide errors. Any other estimate decides the time alone.
 
 # Runs of fewer turns are left to splitting; an estimate.
@@ -48,9 +48,9 @@ _SEGMENT_TURNS = 600.0
 # estimate: segments of 9,600 turns at most.
 _LONGEST = 4
 # Shares of the tolerance for the errors of a macro-step, of averaging and of micro-steps. They
-# leave two thirds of it, as rows within a macro-step err more than its end. Estimates. The first is
-# that of one macro-step, the others are those of a run. Nothing here bounds the sum over
-# macro-steps, where errors of time add up and those of L fade only as damping forgets them.
+# leave two thirds of it, as rows within a macro-step err more than its end. Estimates. The first
+# belongs to one macro-step, the others to a run. Nothing here bounds the sum over macro-steps: errors
+# of time add up in it, and errors of L fade only as damping forgets them.
 _MACRO = 0.1
 _AVERAGING = 0.1
 _MICRO = 0.1
@@ -64,16 +64,16 @@ _EASY = 0.1
 # Orders of the central difference. Order 2j takes turns from Φ^-j to Φ^j.
 _ORDERS = (2, 4, 6)
 # Rounding error of a component of the averaged field, per turn, which no choice improves: smaller
-# differences say nothing. Of 200 random spheroids at St = 1e8 and 1e9, whose fields of order 2, 4
-# and 6 differ by rounding alone, a component of the state differed by 1.3e-15 at most. The number is
+# differences say nothing. The fields of order 2, 4 and 6 of 200 random spheroids at St = 1e8 and 1e9
+# differ by rounding alone: in a component of the state by 1.3e-15 at most. The number is
 # some twice that: an estimate. It serves for the period and for L of any size too, which that
 # measurement does not cover.
 _ROUNDING = 3e-15
 # Weights of Φ^k - Φ^-k in the central differences: a row for each order, a column for each k = 1,
 # 2, 3.
 _WEIGHTS = np.array([[1 / 2, 0.0, 0.0], [2 / 3, -1 / 12, 0.0], [3 / 4, -3 / 20, 1 / 60]])
-# Address of row j - 1 by j, the largest k that it uses, which is half its order. Address 1 serves as
-# that of the whole table.
+# Address of row j - 1 by j, the largest k that it uses, which is half its order. The whole table has
+# address 1.
 _WEIGHT_ROWS = {1 + i: row.ctypes.data for i, row in enumerate(_WEIGHTS)}
 # Stages of DOP853, the field at the end of the step included. Three more make its interpolant.
 _STAGES = 13
@@ -186,8 +186,8 @@ class Strobe:
         period = 2 * pi / self.split.rate(point[:-1])
         left = float(record.times[-1] - point[-1])
         turns_left = left / period
-        # Turns for which an error of the state is remembered: those of the shortest time of relaxation,
-        # by the largest rate, or those left. Slower components remember errors for longer, so that
+        # Turns for which an error of the state is remembered: the turns in the shortest time of
+        # relaxation, by the largest rate, or the turns left. Slower components remember errors for longer, so that
         # this allows them more. Splitting's checks take a longer time, with the least rate in it too;
         # no reason for the difference is recorded.
         memory = min(left, 1 / self.split.strength) / period
@@ -295,7 +295,7 @@ class Strobe:
                 else MAX_MICRO_STEPS - 2
             )
             self.mean(point, more, compared)
-            # Beyond what rounding makes of them, the fields of order 2 differ by this.
+            # The fields of order 2 differ by this beyond rounding.
             difference = np.maximum(np.abs(fields[0] - compared[0]) - _ROUNDING, 0.0)
             # The error of the run that it makes, over the one allowed; NaN ends the search too.
             off = np.max(difference * horizon) / _MICRO
@@ -311,7 +311,7 @@ class Strobe:
         """Fill the stages that `numbers` names, and `end` with the point of the last one."""
         turns = int(numbers[MacroAt.TURNS])
         computed = int(numbers[MacroAt.STAGES_END] - numbers[MacroAt.STAGE])
-        # Of each stage there are so many turns forth and as many back.
+        # Each stage takes `turns` turns forth and `turns` turns back.
         self.inner += 2 * int(numbers[MacroAt.MICRO_STEPS]) * turns * computed
         self.kernels.macro(
             self.scheme, self.p, numbers, _WEIGHT_ROWS[turns], point, self.matrix, stages, end
@@ -330,8 +330,8 @@ class Strobe:
     def order(self, fields: np.ndarray, horizon: np.ndarray) -> int | None:
         """The lowest order whose difference errs little enough, by comparison with the next one.
 
-        None if no order does. Order 6 has no next one: its error is taken to be smaller than that
-        of order 4 by the same factor by which that is smaller than the one of order 2.
+        None if no order does. Order 6 has no next one: going from order 4 to 6 is taken to reduce the
+        error by the factor by which going from order 2 to 4 reduces it.
         """
         apart = np.maximum(np.abs(fields[:-1] - fields[1:]) - _ROUNDING, 0.0)
         second, fourth = np.max(apart * horizon, axis=1)
@@ -344,7 +344,7 @@ class Strobe:
     def error(self, estimates: tuple[np.ndarray, np.ndarray], scale: np.ndarray) -> float:
         """Error of a macro-step over the one allowed, by DOP853's estimates of orders 5 and 3.
 
-        The formula, with its 0.01, is that of Hairer's DOP853 and of SciPy's.
+        Hairer's DOP853 and SciPy's use this formula, with its 0.01.
         """
         with np.errstate(over="ignore"):
             fifth, third = (float(np.sum((estimate / scale) ** 2)) for estimate in estimates)

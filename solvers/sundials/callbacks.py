@@ -127,7 +127,7 @@ class Callbacks:
         with UNWARNED:
             self.library = library(self._residual(field) if self.implicit else field, **options)
 
-    # What the library calls is made once, as an inner function: to look methods up by way of the
+    # The library calls an inner function, which is made once: to look methods up by way of the
     # object at each call costs a short run a hundredth of its time or two.
     def _counted(self, rates: Rates) -> Rates:
         """The rates, counted, which end the run from within where a limit is reached."""
@@ -161,7 +161,7 @@ class Callbacks:
         return noted
 
     def _residual(self, field: Rates) -> Callable[..., None]:
-        """What the equations leave at a state and its slope, ``mass * slope - rates``."""
+        """The residual of the equations at a state and its slope, ``mass * slope - rates``."""
 
         def residual(t: float, y: np.ndarray, slope: np.ndarray, out: np.ndarray) -> None:
             field(t, y, out)

@@ -77,7 +77,7 @@ class Memory:
         self.slope = np.zeros(d)
         self.residual = np.zeros(d)
         self.differential = (self.mass != 0).astype(float)
-        # What to free: the library's function, its argument, and the box that this points to.
+        # Things to free: the library's function, its argument, and the box that this points to.
         self._owned: list[tuple[str, int, Any]] = []
         finalize(self, _free, library, self._owned)
 

@@ -45,7 +45,7 @@ from polhode.solvers.sundials.consistent import IndexAboveOneError, consistent
 from polhode.solvers.sundials.library import load_sundials, posed
 
 # Components up to which the index is looked at, which takes a singular value decomposition; by
-# estimate. Of larger problems the run itself fails if the index is above 1.
+# estimate. The run of a larger problem itself fails if the index is above 1.
 _MAX_CHECKED = 200
 
 
