@@ -242,9 +242,9 @@ def _cubic(place: np.ndarray, values: np.ndarray, slopes: np.ndarray) -> np.ndar
 def measure_layer(ellipsoid: Ellipsoid, turns: int) -> tuple[float, float]:
     """Ends of pure libration and of pure circulation along θ at ψ = 0, which all orbits cross: θ - π/2 in rad.
 
-    They are the first orbit, from θ = π/2 on, that circulates at some time, and the last that
-    librates at some time, of those that are tried, within a number of half turns (`turns`). The
-    edges may be frayed: then rounding decides where they are found (`orbits_across` measures the
+    Orbits are tried from θ = π/2 on, each for a number of half turns (`turns`). The first end is the
+    first orbit that circulates at some time, the second is the last one that librates at some time.
+    The edges may be frayed: then rounding decides where they are found (`orbits_across` measures the
     width). The first end is the larger one while orbits next to a sharp separatrix have not yet
     left the saddle.
 

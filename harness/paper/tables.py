@@ -80,8 +80,8 @@ def root_mean_squares(table: Table, key: str, name: str) -> tuple[np.ndarray, np
 def listed(form: str, rows: Iterable[Sequence[Any]], between: str = ", ") -> str:
     """A text for each row, with `between` after each but the last.
 
-    `form` has fields such as ``{0:.2g}``: the places of a row's values, in Python's formats or those
-    of `polhode.harness.common.text`.
+    `form` has fields such as ``{0:.2g}``: the places of a row's values, in Python's formats or in the
+    formats of `polhode.harness.common.text`.
     """
     return between.join(WORDING.format(form, *row) for row in rows)
 

@@ -951,7 +951,7 @@ class Basins(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Transient times of the averaged equations from |L| = I_max/2; ends of z' at one St.
 
-        |L| is that of the node. The numbers of points and of rows of a run are estimates.
+        |L| has its value at the node. The numbers of points and of rows of a run are estimates.
         """
         # A slow time of 2 is longer than every transient, which `judge` checks.
         slow_times = graded(2.0, 1201)

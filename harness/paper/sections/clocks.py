@@ -122,7 +122,7 @@ def fitted_rate(slow_times: np.ndarray, values: np.ndarray) -> float:
 def decay_tables(grid: Grid) -> tuple[Part, ...]:
     """Rates of all modes of all bodies from full runs, and the decay of large L of two spheroids.
 
-    The first table, "", is that of `_rates`, "large" that of `_from_large`. Two items share them.
+    `_rates` makes the first table, "", `_from_large` makes "large". Two items share them.
     """
     return (*_rates(grid), *_from_large(grid))
 
@@ -185,7 +185,7 @@ def large_decay(large: Table) -> list[float]:
     for kappa, part in groups(large, "kappa"):
         body = spheroid(kappa)
         for name, axis in (("axial", 2), ("transverse", 0)):
-            # The printed times are I/(16πX), half of those of L itself.
+            # The printed times are I/(16πX), half of the times of L itself.
             printed = -16 * pi * body.resistance[axis] / body.inertia[axis]
             ratios.append(fitted_rate(part.t2, part[name]) / printed - 1)
     return ratios

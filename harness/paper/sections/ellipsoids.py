@@ -741,8 +741,8 @@ class Space(Experiment):
 SIX_BODIES = [Ellipsoid((1.0, b, c)) for b, c in product((0.55, 0.75, 0.95), (0.5, 0.3))]
 
 # Slow times of `FirstStart` and `SlowMotion`, 0.6 and 1.2, are long enough to end at the node. The
-# second start lingers at the saddle: its errors follow a power law only from St = 5000 on. Where the
-# fit of the first begins matters little: its exponent is -1.02, -1.06 and -1.18 from St = 500, 1000
+# second start lingers at the saddle: its errors follow a power law only from St = 5000 on. The first
+# St of the fit matters little for the first start: its exponent is -1.02, -1.06 and -1.18 from St = 500, 1000
 # and 5000 on. "constant" is judged at the largest St, where the error times St is 14 and 15 I_max.
 # `EllipsoidPlanes` has 151 points of each trajectory, enough to draw it.
 ELLIPSOIDS_SECTION = Section(

@@ -54,7 +54,7 @@ from polhode.models.shape import Ellipsoid, Triple
 
 # Kinds of starts. They are numbers since columns of tables are read as numbers.
 _ISOTROPIC = 0.0  # Orientation uniform on SO(3).
-# φ = 0, with cos θ and ψ uniform. The share of chaotic orbits may differ from that of the first
+# φ = 0, with cos θ and ψ uniform. The share of chaotic orbits may differ from the share in the first
 # kind: the motion in shear flow does not keep orientations uniform.
 _ON_SECTION = 1.0
 _BESIDE = 2.0  # Next to the saddle.
@@ -67,8 +67,8 @@ _BESIDE_OFFSETS = (1e-3, 5e-3, 2e-2)  # Rad: distances from the saddle along θ.
 # layer of chaos that is measured (reports/paper/limits.md) is 1e-4 rad wide at 0.78 rad: the
 # steps of 1e-4 lie within about its width, the largest ones some ten widths off.
 _STEPS_OFF = (-16e-4, -9e-4, -4e-4, -1e-4, 0.0, 1e-4, 4e-4, 9e-4, 16e-4)
-# A start of the last kind that lies nearer than this, in rad, to the middle of the layer is that of
-# step 0. Tables have eight digits, which blur θ by up to 5e-8. The next step, of 1e-4 of the
+# A start of the last kind that lies nearer than this, in rad, to the middle of the layer has step 0.
+# Tables have eight digits, which blur θ by up to 5e-8. The next step, of 1e-4 of the
 # separatrix' 0.78 rad, lies 8e-5 rad off.
 _IN_THE_MIDDLE = 1e-6
 # Width, in rad, up to which rounding alone may give a separatrix a layer. An estimate, some 500
@@ -378,8 +378,8 @@ class Chaos:
     def numbers(self, expected: Range | None, beside: Range | None = None) -> list[Number]:
         """The share of chaotic orbits and the numbers that support it.
 
-        `expected` is the range of the share over all orientations, `beside` that of the share next
-        to the saddle; without a range a number informs only.
+        `expected` is the range of the share over all orientations, `beside` the range of the share
+        next to the saddle; without a range a number informs only.
         """
         low, high = self.share.interval
         numbers = [
@@ -455,7 +455,7 @@ class ThinLayers(_Sections):
         """A layer that is wider than rounding shows itself; one that is not may be absent."""
         chaos = Chaos.of(data)
         layer = data["layer"]
-        # The last row is that of the most half turns.
+        # The last row has the most half turns.
         width = float(layer.width[-1])
         interval = None
         turns = layer.turns[-1]
@@ -728,11 +728,11 @@ def measured_period(path: Table) -> float:
 
 # z' is the longest axis of the first two bodies and the shortest of the others. Chaos is claimed to
 # dominate for slender and flat bodies. Their 2000 isotropic starts narrow the interval of the share to
-# ±0.02. They have 120 half turns, the last half of which changes the share by 0.01 at most. Where
-# chaos is claimed to be thin, 400 orbits without any that is chaotic bound the share by 0.01. They
-# are followed for 400 half turns, an estimate. Of the chaotic orbits of the fat prolate body the
-# slowest has the exponent 0.054: n half turns stretch it by 0.054 n, which passes the border, 3 log n,
-# after about 320. Magnified views are chosen by eye.
+# ±0.02. They have 120 half turns, the last half of which changes the share by 0.01 at most. For the
+# bodies whose chaos is claimed to be thin, 400 orbits without a chaotic one bound the share by 0.01.
+# They are followed for 400 half turns, an estimate. The slowest of the chaotic orbits of the fat
+# prolate body has the exponent 0.054: n half turns stretch it by 0.054 n, which passes the border,
+# 3 log n, after about 320. Magnified views are chosen by eye.
 LIMITS_SECTION = Section(
     "limits",
     "Limiting cases: the Jeffery and the Euler top",

@@ -83,7 +83,7 @@ def _periods(stokes: np.ndarray) -> Computed:
 def validity(rows: Table) -> float:
     """St at which the law of order St² is off by `_LAW_LOST`.
 
-    `rows` are those of one κ in the table of `PeriodChange`, in increasing St.
+    `rows` are the rows of one κ in the table of `PeriodChange`, in increasing St.
     """
     error = np.abs(rows.change / rows.printed - 1)
     # Up to the first St at which the law is lost. ln St is interpolated in the error.
@@ -343,7 +343,7 @@ def spinning(kappa: float, stokes: float, tilt: float, time: float) -> Scene:
 def growth(kappa: float, stokes: float) -> float:
     """Rate at which a tilt of the axis grows, in shear rates: the largest real part of an eigenvalue.
 
-    The eigenvalues are those of the equations linearized about the spinning motion.
+    The eigenvalues belong to the equations linearized about the spinning motion.
     """
     problem = find_form("spheroid-axis").problem(spinning(kappa, stokes, 0.0, 1.0))
     # Both the state and the parameters of the form have six numbers.
@@ -368,7 +368,7 @@ def peak_of(kappa: float) -> float:
         lambda logarithm: -abs(growth(kappa, float(np.exp(logarithm)))),
         bounds=(low, high),
         method="bounded",
-        # Of ln St: an estimate, far finer than what `judge` and the figure need.
+        # An error of ln St: an estimate, far finer than `judge` and the figure need.
         options={"xatol": 1e-6},
     )
     return float(np.exp(best.x))

@@ -132,7 +132,7 @@ class PlanesOfBodies(Experiment):
         ):
             # Eight relaxation times of the slowest rotation, by estimate: e⁻⁸ of it is left.
             slow_times = graded(8.0 / min(body.damping), 4 * (points - 1) + 1)
-            # Of this scene the start alone is used: St and slow time do not matter.
+            # Only the start of this scene is used: St and slow time do not matter.
             aligned = planes.aligned_scene(body, 1.0, momentum, theta, 1.0)
             energy = float(aligned.initial.slow[0, 3] / max(body.inertia))
             averaged = planes.plane_path(body, momentum, energy, slow_times).slow

@@ -601,7 +601,7 @@ _SHORT = (
     "Until t = St^½ the axis runs through a path whose length tends to a number of order one, which "
     "needs St of 1e8, and leaves the Jeffery orbit before a single turn."
 )
-# Bodies, starts (Euler angles in rad) and St are those of the paper's figures. They give no duration:
+# Bodies, starts (Euler angles in rad) and St come from the paper's figures. They give no duration:
 # t = 600, in inverse shear rates, shows the change of the turns and many turns after it.
 REST_SECTION = Section(
     "rest",

@@ -50,7 +50,8 @@ _MEASURED_STOKES = (1e3, 2e3, 1e4, 2e4, 5e4)
 # St from which on the paper calls averaging accurate.
 _CLAIMED_STOKES = 100.0
 # Largest error of L and E that counts as accurate, over the largest change of a slow variable in the
-# averaged run. Beyond half of that change a full run may be nearer to a state of another time.
+# averaged run. If it is off by more than half of that change, a full run may be nearer to a state of
+# another time.
 ACCURATE = 0.5
 # The same where "accurate" is read more strictly. The paper names no number: an estimate.
 _ACCURATE_STRICT = 0.1
@@ -75,8 +76,8 @@ class SlowMotion(Experiment):
     `slow_time` is how long it is followed, and `shown` are the St of the figure, of which 100 is
     one. `word` is the verdict if all numbers lie in their ranges. `constant` is the expected range
     of the largest error times the largest St, over I_max. `relative` is the expected range of the
-    error at St = 100 over the largest change of a slow variable. Ranges that an item does not give
-    are those of the spheroid's first start, without a reason.
+    error at St = 100 over the largest change of a slow variable. An item that does not give a range
+    has the range of the spheroid's first start, without a reason.
     """
 
     ellipsoid: Ellipsoid
@@ -148,7 +149,7 @@ class SlowMotion(Experiment):
         return Verdict(self.word, sentence, self.caption(data), self.numbers(data, data["errors"]))
 
     def numbers(self, data: Data, errors: Table) -> list[Number]:
-        """The numbers on which the claim rests, from the tables and that of the name "errors"."""
+        """The numbers on which the claim rests, from the tables; `errors` is the one of that name."""
         fitted = errors[errors.stokes >= self.fitted_from]
         slope = exponent(fitted.stokes, fitted.error)
         # The table has its St in increasing order.

@@ -389,7 +389,7 @@ def _thinned(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {name: column[index] for name, column in values.items()}
 
 
-# Of the error at St = 100 over the largest change of a slow variable.
+# Ranges of the error at St = 100 over the largest change of a slow variable.
 _ACCURATE_AT_100 = Range(0.0, ACCURATE, "the claim: accurate for St ≳ 100")
 _INACCURATE_AT_100 = Range(
     ACCURATE, 1.5, "the correction: not accurate at 100, by a factor below three"
