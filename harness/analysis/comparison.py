@@ -151,8 +151,8 @@ def _changes(
 def _missed_limit_by_chance(before: Record, after: Record, allowed: float) -> bool:
     """Whether a run ended at its time limit that came near it before.
 
-    Near is a time that reaches the limit if it grows by the factor `allowed`. The time that counts for the
-    limit is "counted_seconds", that of the first run.
+    Near is a time that reaches the limit if it grows by the factor `allowed`. The limit holds for
+    "counted_seconds", the time of the first run.
     """
     if after["status"] != Status.TIME_LIMIT:
         return False

@@ -17,7 +17,7 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.store import Record
 
 # Columns of `runs.csv`, in its order: what a reader of its page looks for. Errors are the largest along the run;
-# those of L and E are over I_max, those of the orientation in rad.
+# errors of L and E are over I_max, errors of the orientation in rad.
 RUN_COLUMNS = [
     "scene_name",
     "stokes",

@@ -51,7 +51,7 @@ class NotKnownError(ValueError):
 
 
 class Confirmation(NamedTuple):
-    """What confirms a run that averages."""
+    """The confirmation of a run that averages."""
 
     kind: str  # "estimate" or "unlike"
     family: str  # of methods, as `fitted.factors` has them
@@ -141,7 +141,7 @@ def _surrogate_difference(runner: Runner, exact: Run, turns: float) -> tuple[np.
     """The error of L and E of first-order averaging at the compared times, from a surrogate, and the latter's St."""
     scene = oriented(runner.scene)
     # The surrogate has St and time smaller by the same ratio: its slow time is the same, its rotations are
-    # `COMPARED_TURNS`. Its averaged motion is that of `exact`, since it depends on the slow time alone.
+    # `COMPARED_TURNS`. Its averaged motion is the one of `exact`, since it depends on the slow time alone.
     ratio = min(1.0, COMPARED_TURNS / max(turns, _NO_TURNS))
     surrogate = replace(scene, stokes=scene.stokes * ratio, time=scene.time * ratio)
     # With more damping times than rotations the torque changes much within a rotation.
@@ -202,7 +202,7 @@ def oriented(scene: Scene) -> Scene:
     if size == 0:
         raise NotKnownError("the start has L = 0 and no orientation")
     # In body axes L lies in the plane of the longest axis (least inertia) and the shortest one (largest).
-    # Of L² the share s along the longest gives 2E/L² = s/I_min + (1 - s)/I_max; s is solved for.
+    # The share s of L² along the longest gives 2E/L² = s/I_min + (1 - s)/I_max; s is solved for.
     first, _, last = ellipsoid.order
     low = ellipsoid.inertia[first]
     high = ellipsoid.inertia[last]

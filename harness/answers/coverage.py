@@ -56,7 +56,7 @@ _MOST_UNCERTAINTY = 1e-10
 # Runs of each group by a scene: they share its reference, which takes most of the time. An estimate.
 _RUNS_PER_SCENE = 4
 # Rotations of a scene, at most: references of more take minutes. The slack is for scenes that are drawn to have
-# just so many.
+# just this number.
 _MAX_TURNS = 3_000.0
 _TURNS_SLACK = 1.01
 # Rotations from which on solvers and forms that average do so: more than `averaging.COMPARED_TURNS`.
@@ -81,8 +81,8 @@ _USUAL = {"explicit": "cyrk-vern8", "implicit": "cyrk-radau", "splitting": "spli
 _FULL = ("quaternion", "spheroid-axis")
 # Fewer runs fit nothing; an estimate.
 _LEAST_FITTED = 40
-# The upper end over what the runs of a fit show. On another seed (6206) more than 2.5 % of the errors lay
-# above the upper end for 6 of 40 kinds at a margin of 1.1, and for 3 kinds at 1.3. A larger margin would state
+# The upper end over what the runs of a fit show. On another seed (6206) some of 40 kinds had more than 2.5 % of
+# the errors above the upper end: 6 at a margin of 1.1, and 3 at 1.3. A larger margin would state
 # more than 15 times the error of splitting.
 _FIT_MARGIN = 1.3
 # A page marks rows beyond these limits: the share of runs above the upper end, as statements claim, and the median
@@ -219,7 +219,7 @@ def cases_of(scene: Scene, sort: str, seed: int, index: int) -> Iterator[Case]:
     for number, (group, drawn) in enumerate(_GROUPS.items()):
         if drawn.scenes != sort:
             continue
-        # The 1 makes it another sequence than that of `scene_of`.
+        # The 1 makes the sequence differ from the one of `scene_of`.
         random = np.random.default_rng((seed, number, index, 1))
         for _ in range(_RUNS_PER_SCENE):
             tolerance = float(f"{10 ** random.uniform(*drawn.tolerances):.0e}")

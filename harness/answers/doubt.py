@@ -33,7 +33,7 @@ def doubt(runner: Runner, run: Run, stated: RunError) -> str:
 
     Only a run whose error is large or unknown is compared with two sharp runs: others pay nothing.
     The sharp runs are of the run's own form, so that the error of averaging is not doubted, nor is the
-    orientation. Where one of them fails, nothing is sure.
+    orientation. If one of them fails, nothing is sure.
 
     Parameters
     ----------
@@ -54,13 +54,13 @@ def doubt(runner: Runner, run: Run, stated: RunError) -> str:
     method = run.method._replace(solver=full_solver(runner.scene, form))
     # L and E of the first sharp run at the n compared times, shape (n, 4).
     first_sharp: np.ndarray | None = None
-    # Of the run from a sharp one, over I_max; after the loop from the second.
+    # Distance of the run from a sharp one, over I_max; after the loop from the second.
     distance = 0.0
     for tolerance in _SHARP:
         try:
             sharp_run = runner.run(method, tolerance, run.limit)
         except SolverNotValidError:
-            # Where no solver is installed that takes the form, `full_solver` gives one that refuses it.
+            # If no solver is installed that takes the form, `full_solver` gives one that refuses it.
             return ""
         if not sharp_run.success:
             return ""

@@ -13,7 +13,7 @@ from polhode.harness.answers.rules import rotations, stiff
 from polhode.harness.references.rotations import damping_times
 from polhode.models.scene import Scene
 
-# Rotations of a segment, at least: to race so many takes a few milliseconds. An estimate: with fewer the steps
+# Rotations of a segment, at least: to race them takes a few milliseconds. An estimate: with fewer the steps
 # at the start count for more than the steps of a rotation.
 _LEAST_TURNS = 60.0
 # Share of the run that a segment is, in rotations, unless a limit below changes it: a race makes some
@@ -22,8 +22,8 @@ _SHARE = 0.04
 # A segment of more than this share of the run would spare little: then the run itself is raced on. An
 # estimate.
 _WHOLE = 0.5
-# Rotations in a damping time from which on the slow motion, and the steps of a rotation, are the same
-# at every St, so that a surrogate stands for the run. An estimate: a larger number makes longer segments.
+# Rotations in a damping time from which on a surrogate stands for the run: the slow motion and the steps of a
+# rotation are then the same at every St. An estimate: a larger number makes longer segments.
 _FAST = 25.0
 # Factor on either side of errors and seconds that the race saw on the run itself. It is an estimate, and so are
 # the intervals that `pick` states by it.

@@ -51,12 +51,12 @@ LONG_STRATUM = "above 1 s"
 # below, not measured: the targets hold in each stratum, so that many quick scenes hide no slow one.
 STRATA = {"below 10 ms": 0.01, "10 ms to 1 s": 1.0, LONG_STRATUM: inf}
 # Most time of a first choice over the best run; the share of a stratum that must keep it; and the
-# ratio that no first choice may exceed. These targets, and those of asking, are set, not measured.
+# ratio that no first choice may exceed. These targets, and the ones of asking, are set, not measured.
 NEAR = 1.5
 SHARE_NEAR = 0.92
 FAR = 5.0
-# Longest time of asking, in the median of a stratum: so many runs of the choice or so many seconds,
-# whichever is longer; in `LONG_STRATUM` a share of a run. The page names these targets beside what was
+# Longest time of asking, in the median of a stratum: in runs of the choice or in seconds, whichever is
+# longer; in `LONG_STRATUM` a share of a run. The page names these targets beside what was
 # measured; unlike those above they do not decide how the command exits.
 ASKING_RUNS = 3.0
 ASKING_SECONDS = 0.005
@@ -180,8 +180,8 @@ def measured(question: Question) -> Record:
 def ask(question: Question) -> tuple[Recommendation | None, str, float]:
     """The answer of `pick`, or its refusal, and the seconds of asking a second time.
 
-    The first time compiles and paces the methods. It also leaves the caches that forms have of the scene,
-    such as `path_of`: what forms look ahead is not in these seconds, while it is in those of runs.
+    The first time compiles and paces the methods. It also fills the caches that forms have of the scene,
+    such as `path_of`: these seconds leave out the look ahead of forms, which seconds of runs include.
     """
     _recommended(question)
     forget()
@@ -329,10 +329,10 @@ def stratum(seconds: float) -> str:
 def judged(scenes: Any) -> list[Record]:
     """Each stratum: how good first choices were, what asking took, and what rules alone would have done.
 
-    `scenes` is the frame of `Evaluation`. Its `factor` is the time of the first choice over that of the best run.
-    `met` is the share of scenes whose first choice met the error; a refusal counts as met if no run met
-    the error. `near` is the share of first choices that met the error within `NEAR` times the best, `total`
-    asking and running over plain practice (`timed.py`), `within` the share of runs in the seconds forecast.
+    `scenes` is the frame of `Evaluation`. Its `factor` is the ratio of the times of the first choice and of the
+    best run. `met` is the share of scenes whose first choice met the error; a refusal counts as met if no run
+    met the error. `near` is the share of first choices that met the error within `NEAR` times the best. `total`
+    is asking and running over plain practice (`timed.py`), `within` the share of runs in the seconds forecast.
     """
     rows = []
     groups = scenes.groupby(scenes["best_seconds"].map(stratum), sort=False)

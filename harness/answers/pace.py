@@ -48,7 +48,7 @@ _ROWS = 201
 class Pace(NamedTuple):
     """Seconds of a run: to start, for a step, for a row; and what the method took to compile here.
 
-    The compilation is that of this process, 0 if the method had been compiled before it was timed.
+    The compilation is the one in this process, 0 if the method had been compiled before it was timed.
     """
 
     start: float

@@ -12,9 +12,9 @@ from polhode.models.shape import Ellipsoid
 
 Want = Literal["slow", "orientation"]
 
-# A random number from 0 to 1 chooses the sort of a scene, by limits in this order: very many rotations
-# below `_MANY_TURNS`, a slow time of order one at large St below `_LONG`, so that 0.3 of the scenes have
-# it, planar starts in the next `_PLANAR`, and ordinary scenes in the remaining 0.42. The shares, decades
+# A random number from 0 to 1 chooses the sort of a scene, by limits in this order. Below `_MANY_TURNS` a
+# scene has very many rotations. Below `_LONG` it has a slow time of order one at large St, so that 0.3 of the
+# scenes have it. In the next `_PLANAR` the start is planar. The remaining 0.42 are ordinary scenes. The shares, decades
 # and limits of this module are choices, so that each sort occurs; they are not measured.
 # "Decades" are the least and the largest log₁₀ of a number that is drawn.
 _PLANAR = 0.08

@@ -3,14 +3,17 @@
 A confirmed run of the usual full method is the reference. Each other method runs at one or two
 tolerances until its error is close to the one requested; what it costs follows from its steps. A
 run whose steps cost more than `TIED` times the best so far is cut. Methods that average run the
-scene itself: their error is measured against a full run of it where the race has one, else stated as
-that of runs of `solve`. At the end the first one of the forecasts runs the scene itself too. No
+scene itself. A full run of the scene, if the race has one, measures their error; else it is stated as
+`solve` states it. At the end the first one of the forecasts runs the scene itself too. No
 decision follows from how long a full run took.
 
-The words: a method *follows* on a segment (`Heat.follow`) if its error is measured there against the
-reference, its tolerance is *searched* (`Heat.search`) by full runs of the scene itself, and it is
-*judged* (`Heat.judge`) if it averages. *Whole* means that the segment is the scene itself. *Apart* is
-what two runs differ by.
+The words:
+
+- a method *follows* on a segment (`Heat.follow`) if its error is measured there against the reference;
+- its tolerance is *searched* (`Heat.search`) by full runs of the scene itself;
+- it is *judged* (`Heat.judge`) if it averages;
+- *whole* means that the segment is the scene itself;
+- *apart* is the difference of two runs.
 """
 
 import tomllib
@@ -57,8 +60,8 @@ from polhode.models.scene import Scene, SlowStart
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import SolverNotValidError
 
-# Where a number below is called an estimate, a factor of two in it changes which methods are run and how often,
-# and so the time of asking and at times the choice. `polhode validate --ablation` measures what such parts buy.
+# A factor of two in a number called an estimate changes which methods are run and how often, and so
+# the time of asking and at times the choice. `polhode validate --ablation` measures what such parts buy.
 
 # Methods whose times differ by less than this factor are tied: other work on the machine may change
 # their order. A method that costs more than this times the best one so far is cut. An estimate: a smaller
@@ -266,7 +269,7 @@ class Heat:
         self.segment = Segment(self.raced, self.usual, error, want)
         # The beginning of the scene, on which splitting is raced; made when it is needed.
         self._splitting: Segment | None = None
-        # All runs of the scene itself. Of those whose error is known the one of the smallest error, None without one.
+        # All runs of the scene itself. `truth` is the one of the smallest known error; None without one.
         self.itself = Remembering(scene)
         self.truth: Known | None = None
         # Methods that were judged and refused, each with the tolerance of its first such run.
@@ -574,7 +577,7 @@ class Heat:
         raced: RacedSegment,
         steps: float = 0.0,
     ) -> None:
-        """Add an entry; `steps` are those of the run, if they are forecast from another scene."""
+        """Add an entry; `steps` are the run's steps, if they are forecast from another scene."""
         seconds = max(seconds, _LEAST_SECONDS)
         interval = Interval(seconds, seconds / raced.spread, seconds * raced.spread)
         self.entries.append(

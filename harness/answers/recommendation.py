@@ -74,7 +74,7 @@ class Recommendation:
 
     @property
     def advice(self) -> str:
-        """What to type instead, where the run is too short to choose for; else nothing."""
+        """The command to type instead, if the run is too short to choose for; else nothing."""
         run = self.ranking[0].seconds.predicted
         if run >= self.seconds:
             return ""

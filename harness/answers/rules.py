@@ -16,8 +16,8 @@ from polhode.models.scene import Scene, SlowStart
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Solver
 
-# Where a number below is called an estimate, a factor of two in it changes which method or tolerance is tried
-# first, and so the time of an answer. Its error is confirmed all the same.
+# A factor of two in a number called an estimate changes which method or tolerance is tried first, and so the
+# time of an answer. Its error is confirmed all the same.
 
 # The best solver that is installed: of high order where accuracy sets the steps, implicit where
 # stability does.
@@ -31,8 +31,8 @@ _ROUNDS_LESS = "cyrk-dop853"
 _ROUNDED_SHARE = 0.1
 # St from which on the torque is so small that splitting takes fewer steps than Runge-Kutta; an estimate.
 _SPLITTING_FROM = 300.0
-# The least error times St² that `hybrid` is tried for: below it full segments cover the run. Of ten
-# timed runs by `hybrid` the six above took 0.02 to 0.2 times plain practice, the four below 1.0 to 3.2.
+# The least error times St² that `hybrid` is tried for: below it full segments cover the run. In ten
+# timed runs `hybrid` took 0.02 to 0.2 times plain practice in the six above, 1.0 to 3.2 in the four below.
 HYBRID_LEAST_ERROR = 2e5
 # Steps of a full run that cost as much as the second-order tables of a triaxial shape; an estimate.
 STEPS_OF_TABLES = 600_000
@@ -69,7 +69,7 @@ class Method(NamedTuple):
 def rotations(scene: Scene) -> float:
     """Estimate the rotations of a run before it: the start's own spin until damping ends it, then the flow's.
 
-    The spin is taken to fall from its start ω₀ to the flow's rate as rate + (ω₀ - rate) exp(-S t/T), S the
+    The spin is taken to fall from its start ω₀ to the flow's rate as rate + (ω₀ - rate) exp(-S t/T). S is the
     damping times in the run's time T: in the mean over the run the exponential is (1 - exp(-S))/S.
     `references.rotations` counts along the motion instead, and takes milliseconds.
     """
@@ -245,8 +245,8 @@ def hybrid_family(scene: Scene) -> str:
 def steps_of(scene: Scene, method: Method, tolerance: float) -> float:
     """Approximate steps of a run; 0 where they do not follow the rotations: averaged and closed forms, `hybrid`.
 
-    They are counted as steps of the usual explicit solver, also for implicit ones, and as those of
-    splitting for solvers of `many_periods`.
+    They are counted as steps of the usual explicit solver, also for implicit ones. Solvers of
+    `many_periods` count steps of splitting.
     """
     if method.form.averaged or method.form.name == "hybrid" or method.solver.closed_form:
         return 0.0

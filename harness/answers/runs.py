@@ -19,8 +19,8 @@ from polhode.solvers.solve import Interrupted, Solution, solve
 
 Watch = Callable[[Record], None] | None
 
-# Steps that a full run beside an averaged one, and a run in a race, may take. A second run may take so many and
-# `STEP_RATIO` times the steps of the first one. Both are estimates that bound what a confirmation costs: a run
+# Steps that a full run beside an averaged one, and a run in a race, may take. A second run may take as many, and
+# `STEP_RATIO` times the steps of the first one more. Both are estimates that bound what a confirmation costs: a run
 # that takes more is not confirmed.
 MAX_STEPS = 300_000
 STEP_RATIO = 30
@@ -140,8 +140,8 @@ class Runner:
 def turns(scene: Scene, observables: Observables) -> float:
     """Rotations ∫|ω|dt/2π of a run, about: |ω| is 2E/|L| and somewhat more, since 2E = ω·L ≤ |ω||L|.
 
-    The observables are those at the compared times `INNER`. Of a run that ended early they are fewer,
-    and the rotations are those until then.
+    The observables are those at the compared times `INNER`. A run that ended early has fewer of them,
+    and its rotations count until then.
     """
     momentum = observables.angular_momentum
     size = np.sqrt(np.einsum("ij,ij->i", momentum, momentum))

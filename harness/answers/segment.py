@@ -1,4 +1,4 @@
-"""What methods are raced on: a scene or a segment of it, runs of it, and a confirmed run, the reference."""
+"""A scene or a segment of it that methods are raced on: runs of it, and a confirmed run, the reference."""
 
 from math import inf
 from time import thread_time
@@ -23,7 +23,7 @@ from polhode.solvers.contract import UNLIMITED
 # to the methods; an estimate.
 KNOWN_SHARE = 0.5
 # A difference that grows by a larger power of time tells of chaos: without chaos the power is 2 at
-# most, that of the orientation (`forecast.RacedSegment.growth`). The margin is an estimate.
+# most, the orientation's (`forecast.RacedSegment.growth`). The margin is an estimate.
 _MOST_GROWTH = 4.0
 # Steps up to which the look ahead of a form, some ms, counts beside its run. An estimate: a run of more steps takes
 # far longer than that.

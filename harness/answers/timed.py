@@ -3,7 +3,7 @@
 Plain practice is what a careful user does: the full form by one solver, tightened tenfold until two
 runs agree to half the error. All its runs are paid, but for compilation. Scenes solved beforehand
 compile what answers need; what an answer compiles beyond that is paid. Times are wall time in seconds,
-errors of L and E are over I_max, and those of the orientation in rad. `polhode validate --time` runs
+errors of L and E are over I_max, errors of the orientation in rad. `polhode validate --time` runs
 the study.
 """
 
@@ -126,7 +126,7 @@ def plain_practice(
     """Seconds and observables of plain practice; inf and None where it does not come to agree.
 
     The tolerances are a tenth of the error, a hundredth, and so on; the first run has none to agree with.
-    The observables are those of the tighter run, at `samples` equispaced times. The solver is implicit
+    The observables come from the tighter run, at `samples` equispaced times. The solver is implicit
     where the scene is stiff; where it does not take the full form, nothing is run.
     """
     form = find_form(full_form(scene))

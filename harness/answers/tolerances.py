@@ -16,8 +16,8 @@ from polhode.harness.answers.runs import Run, Runner
 from polhode.harness.answers.statement import NO_ERROR, difference
 from polhode.solvers.contract import Status
 
-# Where a number below is called an estimate, a factor of two in it makes a search take more runs, or end at a
-# tolerance that is tighter than it need be.
+# A factor of two in a number called an estimate makes a search take more runs, or end at a tolerance that is
+# tighter than it need be.
 
 # Runs of a search, at most. An estimate: more cost more than the tolerance that they find would spare.
 _MAX_RUNS = 6
@@ -126,7 +126,7 @@ def _made(known: Known, tightest: Known) -> Found:
 
 
 def _between(looser: Known, tighter: Known, tolerance: float, power: float) -> Found:
-    """A run at a tolerance between those of two runs; steps are taken to follow a power of it."""
+    """A run at a tolerance between two runs' tolerances; steps are taken to follow a power of it."""
     error = looser.error * (tolerance / looser.run.tolerance) ** power
     many = steps_in(tighter.run.solution)
     few = steps_in(looser.run.solution)

@@ -161,7 +161,7 @@ def _strongest_kick(body: Body) -> float:
 def _log_uniform(
     draw: np.random.Generator, low: float, high: float, size: int | None = None
 ) -> np.ndarray:
-    """Numbers whose logarithms are uniform between those of two limits; one number if `size` is None."""
+    """Numbers between two limits, uniform in their logarithms; one number if `size` is None."""
     return np.exp(draw.uniform(np.log(low), np.log(high), size))
 
 

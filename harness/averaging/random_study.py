@@ -130,7 +130,7 @@ FORM_TOLERANCE = 1e-9
 _EXACT_TOLERANCE = 1e-12
 # Steps of an averaged run, at most, so that none goes on without end; an estimate.
 _MAX_STEPS = 300_000
-# Bodies in a batch: the lanes that Taylor's method has with two registers of 256 bits, four doubles each. Where
+# Bodies in a batch: the lanes that Taylor's method has with two registers of 256 bits, four doubles each. If
 # heyoka recommends wider ones, half of its lanes repeat a body.
 _BATCH = 8
 # A task takes about `_ANY_TASK` seconds, and seconds per unit of St: of a triaxial body, of a spheroid,

@@ -36,7 +36,7 @@ from polhode.solvers.solve import solve
 SECOND_ORDER_SAMPLES = 2001
 # Tolerances of the reference in long double, and of the looser run that shows its error: 1e-18 is
 # near the last digit of long double. A hundredfold is an estimate, as in `reference.LONG_DOUBLE`: the two runs
-# then differ by the error of the looser one, which is larger than that of the tighter one.
+# then differ by the looser one's error, which is larger than the tighter one's.
 REFERENCE_TOLERANCES = (1e-18, 1e-16)
 # Tolerance of averaged forms: the solver's error is then rounding, far below the form's own.
 SECOND_ORDER_TOLERANCE = 1e-14
@@ -57,8 +57,8 @@ _QUICK_POINTS = 2
 # Parts of the study that may be measured alone.
 SECOND_ORDER_PARTS = ("orders", "resonances", "cost")
 
-# The cost of a spheroid's run against St. The question is an example, chosen once: its duration in slow time,
-# the few output times, the St at which first order and the full equations are run too, and the error of L and
+# The cost of a spheroid's run against St. The question is an example, chosen once: its duration in slow time;
+# the few output times; the St at which first order and the full equations are run too; the error of L and
 # E over I_max that the full equations have to meet there.
 COST_SLOW_TIME = 0.5
 COST_SAMPLES = 11
@@ -98,7 +98,7 @@ class TimedRun:
 def timed_run(
     scene: Scene, name: str, tolerance: float, samples: int, solver: str = USUAL_SOLVER
 ) -> TimedRun:
-    """Run a form at so many equispaced times; raises RuntimeError if it does not reach its end.
+    """Run a form at `samples` equispaced times; raises RuntimeError if it does not reach its end.
 
     A solver of the same kind runs it if the solver's library is missing.
     """

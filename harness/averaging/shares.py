@@ -166,8 +166,8 @@ class Exponent:
 def exponents(runs: Frame, ends: Sequence[float]) -> list[Exponent]:
     """Exponents of every kind and order between neighbouring St of a sequence, by bodies.
 
-    Left out are errors that the reference does not know, those above MAX_ERROR_OF_LAWS, the orientation
-    after strong resonances, whose kicks spoil it, and St at which less than LEAST_KNOWN of the errors are known.
+    Left out are errors that the reference does not know; errors above MAX_ERROR_OF_LAWS; the orientation after
+    strong resonances, whose kicks spoil it; and St at which less than LEAST_KNOWN of the errors are known.
     """
     rows = []
     errors = {"slow": "uncertainty", "turned": "turned_uncertainty"}
@@ -214,7 +214,7 @@ def predicted(row: Exponent) -> tuple[float, float]:
 
     Crossings (first order) and resonances (both orders) add an error that falls like 1/√St: as St
     grows, the exponent goes from the order's own to -½. At second order, whose own error falls so fast,
-    weak resonances do so too: those of bodies of kind "stays".
+    the weak resonances of bodies of kind "stays" do so too.
     """
     if row.error == "turned":
         return _ORIENTATION, _ORIENTATION
@@ -383,7 +383,7 @@ def needed(runs: Frame, kind: str, order: str, share: float, target: float) -> t
 def all_needed(
     runs: Frame, kind: str, order: str, share: float, targets: Sequence[float]
 ) -> list[tuple[float, str]]:
-    """What `needed` says of each of several errors; the quantile is computed once."""
+    """The answers of `needed` to several errors; the quantile is computed once."""
     there = runs[(runs["kind"] == kind) & (runs["order"] == order)]
     errors = quantile(there, share)
     if errors is None:
