@@ -20,7 +20,7 @@ from polhode.harness.pages.tables import fill
 def write_page(folder: Path, rows: Sequence[Record], command: str) -> Path:
     """Write `ablation.md` and `ablation.csv` into a folder and return the page's path.
 
-    `rows` are those of `polhode.harness.answers.ablation`: a row for each scene and part left out
+    `rows` come from `polhode.harness.answers.ablation`: a row for each scene and part left out
     ("without"). "met" says whether the chosen run met the error; "asking" is the choice's time in s.
     """
     table: Any = pd.DataFrame(rows)

@@ -133,7 +133,7 @@ def _figures(
 ) -> list[dict[str, str]]:
     """Save the figures of one scene, the `place`-th of the page; what `texts/bench.md` says of each.
 
-    `name` is "slow" or "orientation", `label` that of the error's axis, `file` the stem of the picture,
+    `name` is "slow" or "orientation", `label` is for the error's axis, `file` the stem of the picture,
     `winners` the table of the cheapest runs. An error that no run has gets no figure.
     """
     figures = []

@@ -191,7 +191,7 @@ def _page(
         settled=[(shape, list(same)) for shape, same in settled],
         pictures=pictures,
         files=names,
-        # What the tasks' records say of times: that none were taken.
+        # The tasks' records say by this that no times were taken.
         no_times=NO_TIMES,
         in_flow=sweep.ensembles[0].any_scene.flow is not None,
     )

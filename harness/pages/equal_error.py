@@ -133,7 +133,7 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
     for overhead in measured.overheads:
         row = asdict(overhead)
         # The time of `solve` beyond the bare call: in µs, over the time of that call, and whether the study
-        # allows so much.
+        # allows it.
         row["extra"] = 1e6 * overhead.seconds
         row["share"] = overhead.seconds / overhead.bare
         row["allowed"] = "yes" if overhead.allowed else "no"
@@ -213,7 +213,7 @@ def _finished(table: pd.DataFrame) -> Any:
 def _interpreter(table: pd.DataFrame) -> list[dict[Any, Any]]:
     """Times of an algorithm by the three back ends, and their ratios to the time of compiled code alone.
 
-    An algorithm has one name: that of SciPy's method, which runs in Python and in Numba. CyRK's method, which
+    An algorithm has one name: the one of SciPy's method, which runs in Python and in Numba. CyRK's method, which
     runs alone, is the same algorithm, and has "cyrk-" before that name.
     """
     done = _finished(table)
@@ -274,7 +274,7 @@ def _crossings(table: pd.DataFrame, times: Any) -> str:
 
 
 def _ratios(times: Any, first: tuple[str, str], second: tuple[str, str]) -> Any:
-    """Time of the first method over that of the second, in words: a row for each St, a column for each error.
+    """Ratio of the first method's time to the second's, in words: a row for each St, a column for each error.
 
     A method is a pair of form and solver. `times` is a table of `costs`.
     """

@@ -100,7 +100,7 @@ def _rows(table: Any) -> list[dict[str, Any]]:
 
 
 def findings(tables: Mapping[str, Any]) -> list[str]:
-    """The findings of the tables, in sentences; `tables` are those of `read_tables`."""
+    """The findings of the tables, in sentences; `tables` come from `read_tables`."""
     costs = tables["costs"]
     orbits = tables["orbits"]
     knots = tables["knots"]

@@ -31,8 +31,8 @@ from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
 from polhode.solvers.solve import solve
 
-# Errors of L and E over I_max, columns of the table: those of `known_stokes.toml`, 1e-6 to 1e-8, and a
-# decade or two on either side. Which ones to show is a choice.
+# Errors of L and E over I_max, columns of the table: `known_stokes.toml` has 1e-6 to 1e-8; a decade or
+# two on either side are added. Which ones to show is a choice.
 _ERRORS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 # Least ratios set as targets, by scene, St and error of L and E over I_max.
 _TARGET_ROWS = tomllib.loads(
@@ -41,8 +41,8 @@ _TARGET_ROWS = tomllib.loads(
 _TARGETS = {(scene, stokes, error): ratio for scene, stokes, error, ratio in _TARGET_ROWS}
 # Solvers of polhode, the ones that know St; all others are rivals.
 _OWN = [name for name in SOLVERS if find_solver(name).family == "polhode"]
-# What `stroboscopic` has to reach. Like the rows of `known_stokes.toml` these are targets that polhode's
-# authors set, and not measured.
+# Targets of `stroboscopic`. Like the rows of `known_stokes.toml` they are set by polhode's authors, not
+# measured.
 _SLOW_ERROR = 5e-9  # of L and E, over I_max
 _ORIENTATION_ERROR = 3e-4  # rad
 _LEAST_SPEEDUP = 30.0  # time of the fastest rival over its own, to both errors

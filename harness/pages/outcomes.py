@@ -1,8 +1,8 @@
 """The page of hard cases: who got through, who is wrong, who failed and why.
 
 A case is a scene, a St, a form and a tolerance; every solver that takes the form has one run of it.
-A study whose `page` is "outcomes" has this page, as `harness/studies/hard_cases.toml`. The error of
-a run is that of L and E, over I_max, against the exact solution of its own form.
+A study whose `page` is "outcomes" has this page, as `harness/studies/hard_cases.toml`. Errors of runs
+are errors of L and E, over I_max, against the exact solution of the run's own form.
 """
 
 from collections import Counter
@@ -90,7 +90,7 @@ def _surest(runs: Any) -> dict[str, Any]:
         "through": int(nearest_runs["passed"].sum()),
         "runs": len(nearest_runs),
         "kinds": [(kinds[kind], kind) for kind in _KINDS[1:] if kinds[kind]],
-        # Of the cases that it missed, those that another solver got through.
+        # Cases that it missed and another solver got through.
         "missed": int(missed_cases.isin(_passed_by_somebody(runs)).sum()),
     }
 
@@ -204,7 +204,7 @@ def outcome(run: dict[Any, Any], allowed: float = INACCURATE) -> tuple[str, str]
     if error is None:
         failure = run.get("reference_failed")
         return "unknown", f"reached the end, but {failure or 'there is no certified reference'}"
-    # Error of L and E, over I_max, of the form's exact solution against that of the full equations.
+    # Error of L and E, over I_max, of the form's exact solution against the full equations.
     model = run.get("model_slow_error") or 0.0
     off = f"; the form itself is off by {scientific(model)}" if model > 0 else ""
     kind = "reached" if error <= allowed else "inaccurate"

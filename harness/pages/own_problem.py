@@ -80,7 +80,7 @@ def draw(axes: Axes, frame: pd.DataFrame, study: Any) -> Axes:
 def _name_failures(axes: Axes) -> None:
     """Let a legend name the hollow marker of each solver that has runs without a result, once.
 
-    A legend leaves out labels that begin with "_", as those of all hollow markers do.
+    A legend leaves out labels that begin with "_", as the labels of all hollow markers do.
     """
     named = set()
     for line in axes.get_lines():

@@ -1,7 +1,7 @@
 """The page of `pick`: how it did on scenes held out, by the time of the best run; its tables and its figure.
 
 `pick` ranks methods for a scene; `polhode.harness.answers.heldout` measures its first choice and all others. In
-the tables `factor` is the ratio of the time of the first choice to the time of the best run, and `met` says
+the tables `factor` is the ratio of the time of the first choice to the time of the best run. `met` says
 whether the first choice met the requested error, or `pick` refused an error that no run met. The scenes of a
 stratum have best runs of about one duration. `judged` gives each stratum a row: `near` is the share of the
 first choices that met the error within `heldout.NEAR` times the best run, `farthest` the largest factor.
@@ -87,7 +87,7 @@ def _repeats(scenes: Any) -> str:
     vary = ""
     if "seconds_spread" in scenes:
         both = [scenes[["seconds", "seconds_spread"]]]
-        # Where the first choice is the best run its repeats count once.
+        # If the first choice is the best run, its repeats count once.
         others = scenes[scenes["choice"] != scenes["best"]]
         both.append(
             others[["best_seconds", "best_seconds_spread"]].set_axis(
@@ -154,7 +154,7 @@ def _figure(scenes: Any, note: str = "") -> Figure:
     groups = list(scenes.groupby(scenes["best_seconds"].map(heldout.stratum), sort=False))
     groups.sort(key=lambda group: group[1]["best_seconds"].min())
     handles = []
-    # The quickest group is the darkest. Of three shades at least, one or two groups take the dark ones.
+    # The quickest group is the darkest. There are three shades at least: one or two groups are dark.
     for (name, group), shade in zip(groups, ramp(max(3, len(groups)))[::-1], strict=False):
         error_ratios = group["error"] / group["error_requested"]
         for axes, ratios, limit in (

@@ -59,8 +59,8 @@ def _write(table: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
     did not reach its end, and the last two for one that took too long to be repeated. `tolerance` is empty,
     too, where the process failed: one row then stands for all.
     """
-    # The functions below read columns by the names that records of scenes have. The error is that of the
-    # state at the end, where the published digits count as exact. Every run has one form, the problem's own.
+    # The functions below read columns by the names that records of scenes have. The error is the error of
+    # the state at the end, where the published digits count as exact. Every run has one form, the problem's own.
     runs = table.assign(
         form="",
         slow_uncertainty=0.0,

@@ -64,7 +64,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
 def rewrite_page(study: Study, folder: Path) -> Path:
     """Write the page and its pictures anew from the runs in a folder; the page's path.
 
-    What the old page says of machine and versions stays.
+    The new page keeps the machine and the versions that the old page names.
 
     Raises
     ------

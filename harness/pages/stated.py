@@ -23,7 +23,7 @@ _OWN_NUMBERS = re.compile(r"\[[^\]]*\]|(?<=t₂ = )[\d.]+(?:e[+-]\d+)?|(?<=got )
 def write_page(folder: Path, rows: Sequence[Record], command: str) -> Path:
     """Write `stated.md` into a folder and return its path.
 
-    `rows` are those of `polhode.harness.answers.coverage`: a row for each run, or for a scene that was
+    `rows` come from `polhode.harness.answers.coverage`: a row for each run, or for a scene that was
     left out, with the reason under "left_out".
     """
     counts = coverage.counted(rows)

@@ -124,9 +124,9 @@ def _gains_table(
 ) -> str:
     """The gain of the first of two options over the second, in a row for each solver, as Markdown.
 
-    `choice` is "jacobian" or "backend", `options` are two of its values. `heads` are headings: of the column of
-    the other choice, which is equal in both runs, and of the counts of runs that only the first option, and only
-    the second one, gets through.
+    `choice` is "jacobian" or "backend", `options` are two of its values. `heads` are three headings of columns:
+    the other choice, which is equal in both runs; the number of runs that only the first option gets through; the
+    number of runs that only the second one gets through.
     """
     beside, only_first, only_second = heads
     return markdown(

@@ -46,7 +46,7 @@ def templates(folder: Path, **options: Any) -> Environment:
     """The templates of a folder, with the filters of the house.
 
     Each name of `FORMATS` is a filter: ``{{ x|short }}``. "form" takes such a name or a format of
-    Python: ``{{ x|form(".2f") }}``. `options` are those of `jinja2.Environment`.
+    Python: ``{{ x|form(".2f") }}``. `options` go to `jinja2.Environment`.
     """
     options |= {
         "undefined": StrictUndefined,
@@ -69,7 +69,7 @@ def templates(folder: Path, **options: Any) -> Environment:
 
 
 def _listed(value: Any) -> Any:
-    """What stands for the value of a field: several values, joined by commas, or the one as it is."""
+    """The value of a field as a text shows it: several values joined by commas, or the one as it is."""
     return (
         ", ".join(map(str, value))
         if isinstance(value, Collection) and not isinstance(value, str)

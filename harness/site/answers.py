@@ -76,7 +76,7 @@ _FULL_FORM = "light-dark(#4A5361, #A3ADBA)"
 def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
     """The question and its maps as HTML, and the data of its script by element id.
 
-    Both are empty if `folder`, that of the regime map, has no `cells.csv`. `sure` is a sentence on who never
+    Both are empty if `folder`, which is the regime map's, has no `cells.csv`. `sure` is a sentence on who never
     failed.
     """
     path = folder / "cells.csv"
@@ -114,7 +114,7 @@ def question_columns(
     reached: pd.DataFrame,
     scenes: Sequence[tuple[str, Scene]] = (),
 ) -> list[dict[str, Any]]:
-    """What `look_up` asks: the `lookup.Column` of each particle, kind of error and St.
+    """The data of `look_up`: the `lookup.Column` of each particle, kind of error and St.
 
     Parameters
     ----------
@@ -314,8 +314,8 @@ def read_studies(
 ) -> tuple[dict[str, pd.DataFrame], list[str]]:
     """Runs of each study in the folder of reports, and the files that cannot be read, with the reasons.
 
-    A study has the name of its folder; where that holds several files, the file's name follows after "/". Of
-    records only `columns` are read, and those that every frame needs.
+    A study has the name of its folder; where that holds several files, the file's name follows after "/".
+    Frames have `columns` alone, and the columns that every frame needs.
     """
     studies = {}
     unreadable = []

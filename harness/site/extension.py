@@ -98,7 +98,7 @@ def _drop_links_outside(app: Sphinx, document: nodes.document) -> None:
     """
     for link in list(document.findall(pending_xref)):
         # MyST gives links to files that it finds a domain; one without was not found. So a README.md that
-        # the site has, as that of a report, is not meant below.
+        # the site has, such as a report's, is not meant below.
         missing = link["reftype"] == "myst" and not link.get("refdomain")
         target = link["reftarget"].partition("#")[0]
         if missing and target.endswith("../README.md"):

@@ -86,7 +86,7 @@ def _answer(column: Column, error: float) -> dict[str, Any]:
     `averaged` has form, least error and seconds of each averaged form. `known` is whether the reference
     resolves the error and methods were measured. The rest is there if a method gets to the error:
     `form` and `solver` are the recommended ones, `cost` is the interpolated time by which methods are
-    ranked. `error`, `seconds` and `tolerance` are those of the fastest measured run that meets the error.
+    ranked. `error`, `seconds` and `tolerance` belong to the fastest measured run that meets the error.
     `next` has form, solver and interpolated time of the best method of another label, or is None; `tied`
     is whether its time is not clearly longer.
     """
@@ -132,7 +132,7 @@ def _candidates(methods: Sequence[Mapping[str, Any]], error: float) -> list[_Can
 
 
 def _averaged_forms(methods: Sequence[Mapping[str, Any]], error: float) -> list[list[Any]]:
-    """Of each averaged form its name, its least error, and the least time of a run that meets the error, or None."""
+    """Name, least error, and least time of a run that meets the error, or None, for each averaged form."""
     least_errors: dict[str, float] = {}
     least_seconds: dict[str, float | None] = {}
     for method in methods:

@@ -27,7 +27,7 @@ class Page:
     title: str
     lead: str  # Markdown: what the page answers, in a sentence
     body: str  # HTML
-    # What the scripts read, by the id of the element that holds it: anything that `plain` takes.
+    # Data of the scripts, by the id of the element that holds it: anything that `plain` takes.
     data: dict[str, Any] = field(default_factory=dict)
     scripts: tuple[str, ...] = ()  # JavaScript files of this folder, in the order of loading
 

@@ -29,8 +29,8 @@ _PER_ROTATION = 80  # Samples of a rotation that make a smooth path.
 # Fewest and most samples of a motion, so that the page has a moderate size.
 _FEWEST = 400
 _MOST = 3000
-# Torque-free paths of a motion: from so many of its samples, each over so many rotations, with so many
-# points in each.
+# Torque-free paths of a motion: number of samples that begin one, rotations of a path, points of a
+# rotation.
 _PATHS = 24
 _PATH_ROTATIONS = 4
 _PATH_POINTS = 40
@@ -68,7 +68,7 @@ def motion(scene: Scene) -> dict[str, Any]:
     """Data for the drawing of a scene; `why` instead if it has no orientation or cannot be solved.
 
     `motion.js` reads them by these keys. `time` is the scene's end, in inverse shear rates. `pole` is the index
-    of the drawn axis, 0 to 2, and `symmetry` that of the symmetry axis, None of a triaxial body. `semi` has the
+    of the drawn axis, 0 to 2, and `symmetry` the index of the symmetry axis, None for a triaxial body. `semi` has the
     semi-axes over the longest one. `axis` and `L` are the directions of the drawn axis and of L, three numbers a
     sample. `rows` has the body's first two axes, six numbers a sample, of a triaxial body. `plane` has L_z and E
     over I_max, and `averaged` the same by the averaged equations. `circle` says that the axis goes round L on a

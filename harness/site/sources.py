@@ -150,7 +150,7 @@ def _interactive(page: Page, above: str = "") -> str:
 
 
 def _report(name: str, text: str, names: list[str]) -> str:
-    """The text of a report's page as the site shows it; `names` are those of all pages."""
+    """The text of a report's page as the site shows it; `names` are the names of all pages."""
     text = text.replace(f" {OVERWRITTEN}", "")
     title, _, rest = text.partition("\n")
     text = f"{title}\n\n{_outdated(text)}{rest}"

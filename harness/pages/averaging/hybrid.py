@@ -134,9 +134,9 @@ def _judged(rows: Sequence[HybridError]) -> Any:
 def _compared(rows: Sequence[Speed]) -> Any:
     """The runs as a table, with four more columns.
 
-    `bodies` is "triaxial" or "spheroids". `gain` is the time of the best full solution over that of `hybrid`,
-    `over_knowing` the same of a solver that knows St. `fewer` is the ratio of steps of the full solution to
-    those of the segments that `hybrid` solves in full.
+    `bodies` is "triaxial" or "spheroids". `gain` is the time of the best full solution over the time of
+    `hybrid`, `over_knowing` the same for a solver that knows St. `fewer` is the ratio of the steps of the full
+    solution and of the segments that `hybrid` solves in full.
     """
     runs = frame_of(Speed, rows)
     runs["bodies"] = runs["kind"].where(runs["kind"] == "triaxial", "spheroids")

@@ -1,7 +1,7 @@
 """The study of averaging over random bodies: for the terminal, as JSON, and as a page with figure and data.
 
-Kinds of bodies are those of `bodies.KINDS`, orders of averaging "first order", "second order" and "hybrid".
-`shares` says what the columns of runs mean, `random_study` those of references.
+Kinds of bodies are in `bodies.KINDS`, orders of averaging are "first order", "second order" and "hybrid".
+`shares` says what the columns of runs mean, `random_study` explains the columns of references.
 """
 
 from collections.abc import Sequence
@@ -261,7 +261,7 @@ def gains(data: Data, runs: Frame, kind: str, order: str) -> list[tuple[float, s
     """How many times as long the full equations take where 97.5 % of the bodies meet an error, and the source.
 
     There is one pair for each of ERRORS_MET. Both times are taken at a decade of St at which full runs were
-    timed: the first one at or above the St from which on the error is met. Beyond the last such decade, full
+    timed: the first one at or above the St from which on the error is met. Above the last such decade, full
     runs are taken to need a time in proportion to St. The ratio is NaN if a time or that St is unknown; the
     source is one of `Quantile.needed`.
     """

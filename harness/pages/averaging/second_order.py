@@ -25,7 +25,7 @@ from polhode.harness.pages.figures.style import save
 from polhode.harness.pages.tables import fill, lines_of
 from polhode.models.second_order.form import STOPS, SecondOrder
 
-# St at which errors of second order are compared with those of first order; a choice.
+# St at which errors of first and second order are compared; a choice.
 _GAIN_AT = 1e5
 
 
@@ -52,7 +52,7 @@ def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
 
 
 def _lines(cases_errors: Sequence[Any], order: int, power: int, name: str) -> list[Line]:
-    """Errors of each case from the column `name`: those of an order of averaging, which fall like 1/St^power."""
+    """Errors of each case, from the column `name`, by an order of averaging: they fall like 1/St^power."""
     return [Line(order, power, errors["stokes"], errors[name]) for errors in cases_errors]
 
 

@@ -71,7 +71,7 @@ _ARROW = 0.75
 _HISTOGRAM = (0.43, 0.16, 0.4, 0.46)
 # Ends of its axis of shares: from one particle in 2000 to a little above all.
 _HISTOGRAM_SHARES = (5e-4, 1.2)
-# Ends of the axis of speeds, particles in a second: they hold those of reports/sweep.
+# Ends of the axis of speeds, particles in a second: the speeds of reports/sweep lie between them.
 _SPEEDS = (1e4, 1e6)
 # Colours of the shapes of the figure of speeds.
 _SPEED_COLOURS = (BLUE, VERMILLION)

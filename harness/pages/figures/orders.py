@@ -47,7 +47,7 @@ def against_stokes(
 ) -> Figure:
     """A panel for each title, one thin line for each case; dotted, the predicted slopes.
 
-    A decade of the error is as long as one of St. `label` is that of the axis of errors, `note` stands below.
+    A decade of the error is as long as one of St. `label` is for the axis of errors, `note` stands below.
     """
     figure, grid = panels(1, len(lines_by_title), _HEIGHT, sharex=True, sharey=True)
     predicted = set()

@@ -3,8 +3,8 @@
 A figure is 838 pixels wide, as a page on GitHub shows it, and a phone shows it at 390: letters of 9.5
 points are then 9 pixels high. Words stand in ink; colours are lines, points and areas alone.
 
-In all modules of figures the widths of lines and the sizes of letters and markers are in points, and
-those of figures in inches. Unless a comment says otherwise they are chosen by eye.
+In all modules of figures the widths of lines and the sizes of letters and markers are in points;
+figures are measured in inches. Unless a comment says otherwise they are chosen by eye.
 """
 
 import re
@@ -80,8 +80,8 @@ LOOKS: dict[str, tuple[str, str, Any]] = {
         Path(__file__).with_name("looks.toml").read_text("utf-8")
     ).items()
 }
-# Solvers and forms without a look of their own, such as those of plug-ins, share a colour (on white, on
-# a dark ground), and take these markers in turn.
+# Solvers and forms without a look of their own, such as plug-ins, share a colour (on white, on a dark
+# ground), and take these markers in turn.
 OTHER = ("#6B3F1D", "#C8A27E")
 _OTHER_MARKERS = ("X", (5, 1, 180), (3, 1, 0), (7, 1, 0))
 # Series that are neither solvers nor ordered numbers, with INK as the first one: any two differ by 10
@@ -153,7 +153,7 @@ def both_colours(name: str) -> str:
 
 
 def ramp(count: int) -> list[str]:
-    """So many colours of one hue, from light to dark; more than the ramp's five repeat some."""
+    """`count` colours of one hue, from light to dark; more than the ramp's five repeat some."""
     if count < 2:
         return [_RAMP[len(_RAMP) // 2]]
     places = np.linspace(0, len(_RAMP) - 1, count).round().astype(int)
@@ -187,7 +187,7 @@ def power(value: float) -> str:
 def panels(rows: int, columns: int, height: float, **options: Any) -> tuple[Figure, np.ndarray]:
     """A figure of the width of a page, `height` inches high, and its panels, shape (rows, columns).
 
-    `options` are those of `pyplot.subplots`.
+    `options` go to `pyplot.subplots`.
     """
     options = {"layout": "constrained", **options}
     with plt.rc_context(RC):
@@ -237,7 +237,7 @@ def percent_axis(axes: Axes) -> None:
 
 
 def key(figure: Figure, handles: Sequence[Any], columns: int, **options: Any) -> Any:
-    """The key of all panels, on top of a figure; `options` are those of `Figure.legend`."""
+    """The key of all panels, on top of a figure; `options` go to `Figure.legend`."""
     place: dict[str, Any] = {"loc": "outside upper left"}
     # Lengths are in units of the letters' size.
     style = {"frameon": False, "fontsize": LETTERS, "labelcolor": INK, "handlelength": 1.6}
