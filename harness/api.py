@@ -78,7 +78,7 @@ class Plan:
             answer = meet(runner, self.methods, error, want, self.estimate, watch)
             stated = answer.error
             if self.estimate:
-                # Where the error is not confirmed, the statement says what to do instead.
+                # If the error is not confirmed, the statement says what to do instead.
                 stated = advised(answer, self.scene, error, want)
         else:
             answer = confirm(runner, self.methods[0], self.tolerance, self.estimate, watch)

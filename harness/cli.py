@@ -51,7 +51,7 @@ GROUPS = {
 COMMANDS: dict[str, Words] = {}
 for _group in GROUPS.values():
     COMMANDS.update(_group)
-# Today's names of commands by those of version 0.1, which 0.2 understands too.
+# Today's names of commands by their names in version 0.1, which 0.2 understands too.
 FORMER = {"heldout": "validate", "footing": "equal-error"}
 
 

@@ -1,6 +1,6 @@
 """Events: the times at which a function of the solution passes zero, found between the rows.
 
-The function is first evaluated at looks, times between the rows of the solution. Where its sign
+The function is first evaluated at looks, times between the rows of the solution. If its sign
 changes from one look to the next, SciPy's `brentq` finds the time.
 """
 
@@ -119,9 +119,9 @@ def separatrix(solution: SceneSolution) -> np.ndarray:
 
 
 def distance_to_settled(solution: SceneSolution) -> np.ndarray:
-    """Distance of L and E, over I_max, from the nearest stable state, less that of an arrival; shape (n,).
+    """Distance of L and E, over I_max, from the nearest stable state, less the state's `reach`; shape (n,).
 
-    A state's distance of arrival, its `reach`, is `ARRIVED` beyond the motion about it.
+    The reach is the distance at which a solution has arrived: `ARRIVED` beyond the motion about the state.
     Raises ValueError in a flow other than simple shear, or if no stable state is known.
     """
     scene = solution.scene

@@ -62,7 +62,7 @@ QUICK_TOLERANCES = (1e-4, 1e-7, 1e-10)
 # adds slow runs at tight tolerances to the table, and time to the study.
 _CLASSICAL_SECONDS = 3.0
 _QUICK_CLASSICAL_SECONDS = 0.3
-# What a study measures unless it is told otherwise: every second decade of tolerances, 100 equal intervals,
+# A study measures this unless it is told otherwise: every second decade of tolerances, 100 equal intervals,
 # and seconds for a run. Estimates: each only sets how long a study takes and how much of it is seen.
 _DEFAULT_TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
 _STUDY_SAMPLES = 101
@@ -291,7 +291,7 @@ class WorkPrecision:
 
     @property
     def _components(self) -> int:
-        """Components of the user's state: those of the problem's but for a time."""
+        """Components of the user's state: all of the problem's but for a time."""
         return self.one.dimension - self.one.timed
 
     @property
@@ -476,7 +476,7 @@ class WorkPrecision:
         """The row of a setup at a tolerance.
 
         `exact`, shape (samples, d), and `uncertainty` are the reference; both are None if there is none.
-        The first run counts right-hand sides, and gives status and error. Times are those of further
+        The first run counts right-hand sides, and gives status and error. Times come from further
         runs, which count nothing; a run that failed or was too slow has none.
         """
         atol = self._atol_of(setup, tolerance)
@@ -529,7 +529,7 @@ class WorkPrecision:
     def _apart(self, states: np.ndarray, exact: np.ndarray) -> float:
         """The largest deviation of any component over the largest component of the exact states.
 
-        Of a classical problem, `exact` has the start and the end alone.
+        For a classical problem, `exact` has the start and the end alone.
         """
         components = self._components
         exact = exact[:, :components]
@@ -625,7 +625,7 @@ def measured(
         one.problem,
         [solver],
         tolerances,
-        # Start and end: the error is that of the end.
+        # Start and end: the error is taken at the end.
         samples=2,
         max_seconds=max_seconds,
         quiet=True,

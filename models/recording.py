@@ -472,7 +472,7 @@ def _noted(name: str) -> Callable[..., Any]:
 
 
 # NumPy's elementwise functions, by name, in terms of recorded operations. A comparison asks whether
-# a difference is positive, which NaN is not: with NaN, <=, >= and == hold, unlike in NumPy. Where one
+# a difference is positive, which NaN is not: with NaN, <=, >= and == hold, unlike in NumPy. If one
 # operand is NaN, `fmax` and `fmin` are NaN; NumPy's give the other operand.
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: _noted(name) for name in _COMMON},

@@ -1,4 +1,4 @@
-"""The suite's cases: a study like that of `polhode bench`, changed by pytest's options.
+"""The suite's cases: a study like the one of `polhode bench`, changed by pytest's options.
 
 `study` makes a study of `suite.toml` and the options. `Suite` sorts its cases by method, and lists
 a row for each benchmark of pytest. `examine` runs a case once: the record says whether it has a
@@ -269,7 +269,7 @@ def _examined(case: Case) -> Record:
 
 
 def examine(case: Case, cases: Sequence[Case]) -> Record:
-    """Status, errors and work of a case among those of its method, from the loosest tolerance on.
+    """Status, errors and work of a case; `cases` has its method's cases, from the loosest tolerance on.
 
     The case is not run if a looser tolerance was too slow already: its status is inferred. A looser
     run says nothing of tighter ones if it had gone wrong before it was stopped. It had if its error of L

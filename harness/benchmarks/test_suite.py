@@ -86,7 +86,7 @@ def test_solve(
     if reason:
         failed.append(Failed.of(benchmark, reason))
         pytest.skip(reason)
-    # Of the run that gave error and work: it counted calls, so that it is slower than the runs timed here.
+    # Time of the run that gave error and work: it counted calls, so that it is slower than the runs timed here.
     seconds = record["counted_seconds"]
 
     def ready() -> None:

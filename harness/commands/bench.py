@@ -88,7 +88,7 @@ def bench(request: StudyRequest, problems: bool, page_only: bool) -> None:
         with bad_input():
             path = record_file(folder)
             records = list(read_export(path))
-            # Raises ValueError if the records are not those of a study.
+            # Raises ValueError if the records do not come from a study.
             of_runs(frame(records, NEEDED), path)
         click.echo(f"{write_page(study, records, folder, command_line())}")
         return
@@ -130,8 +130,8 @@ def _problems(request: StudyRequest, page_only: bool) -> None:
 def _own_problem(request: StudyRequest, page_only: bool) -> None:
     """Measure ``FILE.py:NAME``, a Problem or a WorkPrecision of the user's own, and write its page.
 
-    A WorkPrecision keeps its own settings: --solver and --quick choose those of a Problem, and --quick of both
-    the folder.
+    A WorkPrecision keeps its own settings: --solver and --quick change a Problem's alone. For both, --quick
+    chooses the folder.
     """
     with loading(request.quiet):
         from polhode.harness.work_precision import QUICK_TOLERANCES, WorkPrecision
@@ -483,7 +483,7 @@ def _one_form(
 ) -> None:
     """Measure second order, or `hybrid`, in more depth, write the page and print its findings.
 
-    With `part` the other parts are those of the earlier study in `out`.
+    With `part` the other parts come from the earlier study in `out`.
     """
     from polhode.harness.averaging.data import SecondOrderStudy, read_study
     from polhode.harness.averaging.hybrid import Study as HybridStudy, measure as measure_hybrid

@@ -120,7 +120,7 @@ def pick(
 
 
 def _racing(seconds: float) -> str:
-    """Words of the progress line after so many seconds of the race."""
+    """Words of the progress line after `seconds` of the race."""
     return f"methods have raced on the scene for {duration(seconds)}"
 
 
@@ -268,7 +268,7 @@ def validate(
         raise RunFailed("no scene has a reference")
     page = write_page(out, evaluation, command_line())
     click.echo("\n".join([*summary(evaluation.scenes), str(page)]))
-    # The targets are those of `polhode.harness.answers.heldout`, in each range of the best run's time.
+    # `polhode.harness.answers.heldout` sets the targets, in each range of the best run's time.
     if not reached(evaluation.scenes):
         raise RunFailed("pick: fewer first choices than expected are near the best run")
 

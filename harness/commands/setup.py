@@ -27,8 +27,8 @@ _WATCH_SECONDS = 1.0
 # made of their times.
 _MAX_STEADY_RATIO = 1.05  # Median over minimum of the sentinel's times.
 _MAX_LOAD_PER_CORE = 0.5  # Processes that run or wait for a processor, for each core.
-# What `compare` calls a regression, as factors. Estimates: a smaller factor in time tells of a busy machine more
-# often, and errors differ by some factor wherever a method takes other steps.
+# Factors beyond which `compare` calls a change a regression. Estimates: a smaller factor in time tells of a busy
+# machine more often, and errors differ by some factor wherever a method takes other steps.
 _SLOWER = 1.5
 _LESS_ACCURATE = 3.0
 

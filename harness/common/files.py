@@ -251,7 +251,7 @@ def loads(text: str) -> Any:
 def digest(value: Any) -> str:
     """SHA-256, in hexadecimal digits, of a value's JSON, keys in order: the same for the same content.
 
-    The JSON is that of `json.dumps`, without the words of `dumps`: what is stored goes by these digests.
+    `json.dumps` writes the JSON, without the words of `dumps`: what is stored goes by these digests.
     """
     return sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 

@@ -39,7 +39,7 @@ def mean_interval(values: np.ndarray) -> tuple[float, float, float]:
 def median_interval(values: np.ndarray) -> tuple[float, float, float]:
     """Median, lower and upper end of its interval: two of the values in order, by the binomial distribution.
 
-    `values` has shape (n,), n ≥ 1. Of fewer than six values the interval goes from the least to the
+    `values` has shape (n,), n ≥ 1. For fewer than six values the interval goes from the least to the
     largest, and covers less than 95 %.
     """
     from scipy import stats
@@ -56,7 +56,7 @@ def median_interval(values: np.ndarray) -> tuple[float, float, float]:
 def wilson(count: int, total: int) -> tuple[float, float]:
     """Wilson's score interval of the share count/total (J. Am. Stat. Assoc. 22 (1927) 209): its two ends.
 
-    It holds for shares of 0 and 1 too. Of no cases it is (0, 1).
+    It holds for shares of 0 and 1 too. Without cases it is (0, 1).
     """
     z = NormalDist().inv_cdf((1 + COVERAGE) / 2)
     middle = count + z**2 / 2

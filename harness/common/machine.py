@@ -41,7 +41,7 @@ _DIGITS_OF_A_COMMIT = 9
 _GIT_SECONDS = 60
 _UNKNOWN_VERSION = "of an unknown version"
 _NOT_KEPT = "not kept"
-# What `Maker` writes. Git's short names have 7 digits at least, whole ones 40.
+# The text that `Maker` writes. Git's short names have 7 digits at least, whole ones 40.
 _MAKER = re.compile(
     rf"polhode (\d[\w.+]*|{_UNKNOWN_VERSION}), commit ([0-9a-f]{{7,40}}(?:{_CHANGED})?|{_NOT_KEPT})"
     r"(?:, code ([0-9a-f]+))?,"

@@ -77,8 +77,8 @@ class Worker(AbstractContextManager["Worker"]):
     def run(self, function: Callable[..., Any], *arguments: Any, limit: float) -> Reply:
         """Call a function in the process; it should stop by itself within `limit` seconds.
 
-        Whatever happens is a reply. Raises KeyboardInterrupt on Ctrl-C, and TimeoutError or OSError if no process
-        can be started.
+        Any failure of the call is a reply too. Raises KeyboardInterrupt on Ctrl-C, and TimeoutError or OSError if no
+        process can be started.
         """
         reply = Reply(None, Failure.LOST, "stopped", 0.0)
         for _ in range(ATTEMPTS):

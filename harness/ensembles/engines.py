@@ -20,7 +20,7 @@ from polhode.models.libraries import how_to_install, installed
 AHEAD = 2
 # Seconds that a Dask scheduler has to answer. An estimate: in a network it takes far less than one.
 CONNECT_SECONDS = 30
-# Seconds between two attempts to kill processes that are starting. An estimate: a run ends by so much later.
+# Seconds between two attempts to kill processes that are starting. An estimate: a run may end later by this.
 _STOP_EVERY = 0.1
 # Seconds that a task may take. An estimate: tasks last seconds to minutes, and one that hangs for a day is killed.
 _TASK_SECONDS = 24 * 3600.0

@@ -100,7 +100,7 @@ class Ensemble:
     # Samples at which moments and distributions are kept: evenly spaced, start and end included, so that samples - 1
     # is divisible by snapshots - 1. An estimate: memory and pages grow in proportion.
     snapshots: int = 11
-    # Of each histogram. An estimate: 10,000 particles leave some 150 in a bin.
+    # Number of bins of a histogram. An estimate: 10,000 particles leave some 150 in a bin.
     bins: int = 64
     # Distance in (L, E) over I_max within which a particle has arrived: as `polhode.harness.events.ARRIVED`.
     radius: float = 0.05

@@ -44,10 +44,10 @@ BOTH_WAYS = 64
 # Particles that they are chosen from, averaged in lanes at little cost. An estimate: 64 for each that runs
 # both ways, so that the smallest |L| of an ensemble are among them.
 POOL = 4096
-# Requested error over that of the runs of form `hybrid` by which averaging is judged. An estimate: errors of
+# Requested error over the one requested of the runs of form `hybrid` that judge averaging. An estimate: errors of
 # these runs shift the judgement by a tenth of the requested error at most.
 _JUDGED_OVER_JUDGE = 10
-# Of n equispaced shares s, the ranks s³ of the pool run both ways. An estimate: a larger power chooses more
+# The pool runs both ways at the ranks s³ for n equispaced shares s. An estimate: a larger power chooses more
 # particles of small |L|.
 _RANK_POWER = 3
 # Largest requested error of the whole state, over its size: beyond it steps lose all digits. An estimate.
@@ -147,7 +147,7 @@ def run_hybrid(
     """States of the full equations, shape (m, n, d), NaN from where one failed, and statuses.
 
     `times`, shape (m,), must be evenly spaced from 0. `least_momentum` makes `least`. Phases are drawn from
-    `random`. All particles are averaged first; those of small |L|, and those that failed, run anew.
+    `random`. All particles are averaged first; particles of small |L|, and failed ones, run anew.
     """
     if least == inf:
         return run_alone(scene, starts, times, tolerance)

@@ -71,7 +71,7 @@ def arrived(statistics: Statistics, attractor: int) -> list[Estimate]:
 def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float) -> Estimate:
     """Quantile of the time, in units of the inverse shear rate, after which a particle has arrived anywhere.
 
-    `share`, from 0 to 1, is that of the particles that have arrived by then.
+    `share`, from 0 to 1, of the particles have arrived by then.
     """
     # Without assumption on the distribution: the interval lies between the order statistics whose
     # ranks bound a binomial variable (Conover, Practical Nonparametric Statistics, section 3.2).

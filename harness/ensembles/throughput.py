@@ -60,14 +60,14 @@ _EXACT_TOLERANCE = 1e-15
 # The first tolerance of Taylor's method that is tried, over the target. An estimate: as a tolerance is of a
 # step, and errors of steps add up, a looser one will not do.
 _LOOSEST_TAYLOR = 10
-# Tolerances that are tried, each power of ten in eight parts, and so many in all, which is six powers of ten.
+# Tolerances that are tried: each power of ten has eight parts, all of them make six powers of ten.
 # Estimates: finer steps find a rate a few per cent higher.
 _TOLERANCES_PER_DECADE = 8
 _TOLERANCES = 48
 # Long runs: times at which errors are looked at, and t₂ at the end, as in the scenes of `polhode bench`.
 _LONG_SAMPLES = 51  # An estimate: errors are maxima over them.
 _LONG_SLOW_TIME = 0.5
-# The requested error of long runs over that of the full equations, which stand for the exact ones. An estimate:
+# The requested error of long runs over the one of the full equations, which stand for the exact ones. An estimate:
 # errors are then known to 0.1 % of the requested one.
 _LONG_ERROR_OVER_EXACT = 1000
 # Parts of the particles whose samples are held one after another, as in a task. An estimate: a part has 4000

@@ -95,7 +95,7 @@ _EXTENDED_TOLERANCE = 1e-13
 TRACK_TIME = 20.0
 _KNOTS = (10, 20, 40, 80, 160, 320)
 # Equal steps of the run in long double in that time, and the tolerance of the other runs. Estimates: the errors of
-# both lie far below those of the splines.
+# both lie far below the splines' errors.
 _TRACK_STEPS = 200
 _TRACK_TOLERANCE = 1e-15
 # The same for runs that show the cost of a knot. Estimates.

@@ -206,7 +206,7 @@ def balance_residual(scene: Scene, found: Observables, reference: Observables) -
     # `torque_factor` is 1/St.
     power = power * scene.torque_factor / unit
     energy = (found.energy - reference.energy).astype(float) / unit
-    # Every other sample. Of an odd number of intervals the last one is left out.
+    # Every other sample. If the number of intervals is odd, the last one is left out.
     even = slice(0, intervals // 2 * 2 + 1, 2)
     fine = _residual(times, energy, power)
     coarse = _residual(times[even], energy[even], power[even])

@@ -90,8 +90,8 @@ _ALIKE = 3.0
 APART = 1e-4
 # Most intervals in which the growth of small differences is followed; an estimate.
 _MOST_INTERVALS = 2000
-# Error, in rad or over I_max, that a method in double precision makes at the worst moment. Where the motion is
-# chaotic, trajectories mean something until it has grown too large. An estimate: growth is exponential, so that
+# Error, in rad or over I_max, that a method in double precision makes at the worst moment. If the motion is
+# chaotic, trajectories mean something until this error has grown too large. An estimate: growth is exponential, so that
 # with twice the error the time is hardly shorter.
 _DOUBLE_ERROR = 1e-13
 # Version of what is cached: references of another one are computed anew.
@@ -178,7 +178,7 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
     if arrays is None or _tried_less(arrays, seconds):
 
         def computed(limit: float) -> dict[str, Any]:
-            """What is cached of a try of at most `limit` seconds: the reference, or its failure."""
+            """The result to cache of a try of at most `limit` seconds: the reference, or its failure."""
             try:
                 if not extends_precision():
                     run = partial(_unlike, scene, shape, problem)

@@ -40,7 +40,7 @@ LONGEST_STIFF = 5e3
 # Damping rate, in shear rates, from which an implicit method takes fewer steps than stability allows an
 # explicit one; an estimate.
 _STIFF_FROM = 30.0
-# Least |ω| √(St I/8πX). Where |ω| is below the shear rate, its square is an angle in order of magnitude: by it
+# Least |ω| √(St I/8πX). If |ω| is below the shear rate, the square is an angle in order of magnitude: by it
 # the body turns while the torque changes |ω| by |ω| (section `DAC`). Averages over a rotation need ω to change
 # little in it. An estimate.
 _SEPARATED = 1.5

@@ -250,7 +250,7 @@ def _parted(
 ) -> Record:
     """The solver's error and the model's, under their columns' names.
 
-    `full` is the reference of the full equations, `exact` that of the form. The whole error is the solver's if they
+    `full` is the reference of the full equations, `exact` the one of the form. The whole error is the solver's if they
     are the same; both are None if `exact` is.
     """
     names = (

@@ -50,7 +50,7 @@ def moved_start(problem: Problem, states: np.ndarray, rtol: Any, atol: Any) -> s
     """A sentence on how algebraic equations have moved the start beyond the tolerance; empty if they have not.
 
     `states`, one row per time, begin at the start of the run; the time, where it is a component,
-    stands last in them. `rtol` and `atol` are those of the user: one number, or one for each of the
+    stands last in them. `rtol` and `atol` come from the user: one number, or one for each of the
     user's d components, shape (d,), none for the time.
     """
     # Problems with parameters of the explicit form have no algebraic equations.

@@ -38,7 +38,7 @@ _QUICK_SECONDS = 0.2
 _BESIDE_BUILTIN = ("stokes", "time", "slow_time", "tags", "forms", "solvers", "max_seconds")
 # Names that a part of a study is limited to; an empty one means all.
 Filter = Iterable[str]
-# Of a study, which names its folder, or of a scene, which `--scene` selects.
+# Name of a study, which its folder has, or of a scene, which `--scene` selects.
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
 Stokes = Annotated[float, Field(ge=0)]
 # `stokes` may be a number or a list. The schema of the file says so; the list is made by `_AS_LIST`.
@@ -72,7 +72,7 @@ class Study:
     tolerances: tuple[float, ...]
     samples: int  # equispaced times of a run, start and end included
     max_seconds: float  # that a run may take
-    # A solver runs with those of the back ends and Jacobians that it has; with its first one if
+    # A solver runs with the ones of these back ends and Jacobians that it has; with its first one if
     # None is given. Without any of the back ends it is left out. Without any of the Jacobians it
     # runs with its first one: explicit solvers have none.
     backends: tuple[Backend, ...] | None = None

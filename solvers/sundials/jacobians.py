@@ -111,7 +111,7 @@ class _Differences:
         now = np.empty(len(y))
         self.rates(t, y, now)
         size = np.abs(y)
-        # Where atol is tiny, by the rounding of the largest component.
+        # If atol is tiny, the rounding of the largest component decides.
         least = np.maximum(self.least, _DIFFERENCE**2 * size.max())
         moved = y + np.maximum(_DIFFERENCE * size, least)
         # As rounded.
