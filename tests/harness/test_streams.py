@@ -33,6 +33,18 @@ def shell(
     )
 
 
+@pytest.fixture(scope="module")
+def undisturbed(
+    tmp_path_factory: pytest.TempPathFactory, environment: Mapping[str, str]
+) -> tuple[bytes, str]:
+    """What `FILE` writes into its file, and `TABLE` on standard output, with streams as usual."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    assert shell("", FILE, folder, environment).returncode == 0
+    table = shell("", TABLE, folder, environment).stdout
+    assert table
+    return (folder / "a.csv").read_bytes(), table
+
+
 @pytest.mark.parametrize("words", ON_OUTPUT, ids=["table", "help", "csv"])
 @pytest.mark.parametrize("redirection", [">&-", ">/dev/full", "<&- >&-"])
 def test_output_that_cannot_be_written_is_a_failure_in_one_line(
@@ -49,25 +61,20 @@ def test_output_that_cannot_be_written_is_a_failure_in_one_line(
     "redirection", ["2>&-", "2>/dev/full", ">&- 2>&-", "<&- >&- 2>&-", ">/dev/full 2>/dev/full"]
 )
 def test_a_file_is_whole_whatever_the_streams_are(
-    redirection: str, tmp_path: Path, environment: Mapping[str, str]
+    redirection: str, tmp_path: Path, environment: Mapping[str, str], undisturbed: tuple[bytes, str]
 ):
-    assert shell("", FILE, tmp_path, environment).returncode == 0
-    expected = (tmp_path / "a.csv").read_bytes()
-    (tmp_path / "a.csv").unlink()
     done = shell(redirection, FILE, tmp_path, environment)
     assert done.returncode == 0
-    assert (tmp_path / "a.csv").read_bytes() == expected
+    assert (tmp_path / "a.csv").read_bytes() == undisturbed[0]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "a.csv.json"]
 
 
 @pytest.mark.parametrize("redirection", ["2>&-", "2>/dev/full"])
 def test_without_standard_error_the_output_is_the_same(
-    redirection: str, tmp_path: Path, environment: Mapping[str, str]
+    redirection: str, tmp_path: Path, environment: Mapping[str, str], undisturbed: tuple[bytes, str]
 ):
-    expected = shell("", TABLE, tmp_path, environment)
     done = shell(redirection, TABLE, tmp_path, environment)
-    assert (done.returncode, done.stdout) == (0, expected.stdout)
-    assert expected.stdout
+    assert (done.returncode, done.stdout) == (0, undisturbed[1])
     assert shell(redirection, REFUSED, tmp_path, environment).returncode == 2
 
 

@@ -145,7 +145,7 @@ def test_a_hybrid_run_that_averaged_nothing_is_one_of_the_full_form():
     assert not planned_in_full(replace(short, stokes=1e7, time=5e6), 1e-4)
 
 
-def test_a_page_is_written_anew_from_its_runs(tmp_path, table: pd.DataFrame):
+def test_a_page_is_written_from_its_records_and_anew_from_its_runs(tmp_path, table: pd.DataFrame):
     study = read_study(None, "regimes")
     study = replace(study, scenes=tuple(pair for pair in study.scenes if pair[0] == "ellipsoid"))
     records = [
@@ -153,7 +153,22 @@ def test_a_page_is_written_anew_from_its_runs(tmp_path, table: pd.DataFrame):
         for record in table.to_dict("records")
     ]
     page = write_page(study, records, tmp_path, "polhode regimes --quick")
-    before = page.read_text()
+    before = page.read_text(encoding="utf-8")
+    assert "- The ellipsoid, slow variables: implicit solvers win" in before
+    assert "averaged forms win 4 cells" in before
+    assert re.search(r"\| quaternion +\| cyrk-vern8 +\| +0 / 0 \|", before)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "README.md",
+        "SHA256SUMS",
+        "ellipsoid.png",
+        "ellipsoid-orientation.png",
+        "profiles.png",
+        "profiles-long.png",
+        "cells.csv",
+        "runs.csv",
+    }
+    maps = read_cells(tmp_path / "cells.csv")
+    assert str(maps["ellipsoid", "slow_error"]) == str(cells(table, "slow_error"))
     cells_before = (tmp_path / "cells.csv").read_text()
     page.write_text(before.replace("How to read it", "Gone"))
     assert rewrite_page(study, tmp_path).read_text() == before
@@ -296,28 +311,6 @@ def test_the_key_of_the_map_lies_on_top_and_within_the_picture(table: pd.DataFra
         assert axes.get_window_extent().y1 < box.y0
         assert box.y1 <= drawing.bbox.y1 + 1
     plt.close(drawing)
-
-
-def test_the_page_is_written_from_records(table: pd.DataFrame, tmp_path):
-    study = read_study(None, "regimes")
-    study = replace(study, scenes=tuple(pair for pair in study.scenes if pair[0] == "ellipsoid"))
-    records = [{**row, **SURROUNDINGS} for row in table.to_dict("records")]
-    page = write_page(study, records, tmp_path, "polhode regimes").read_text(encoding="utf-8")
-    assert "- The ellipsoid, slow variables: implicit solvers win" in page
-    assert "averaged forms win 4 cells" in page
-    assert re.search(r"\| quaternion +\| cyrk-vern8 +\| +0 / 0 \|", page)
-    assert {path.name for path in tmp_path.iterdir()} == {
-        "README.md",
-        "SHA256SUMS",
-        "ellipsoid.png",
-        "ellipsoid-orientation.png",
-        "profiles.png",
-        "profiles-long.png",
-        "cells.csv",
-        "runs.csv",
-    }
-    maps = read_cells(tmp_path / "cells.csv")
-    assert str(maps["ellipsoid", "slow_error"]) == str(cells(table, "slow_error"))
 
 
 def test_the_letters_of_the_winner_stand_in_a_cell():

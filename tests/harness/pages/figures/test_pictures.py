@@ -101,8 +101,7 @@ def test_which_axis_p_is(axes: tuple[float, ...], words: str):
 
 
 def decade(axes) -> tuple[float, float]:
-    """Lengths of a decade of x and of y, in pixels."""
-    axes.figure.canvas.draw()
+    """Lengths of a decade of x and of y, in pixels, once the figure has been drawn."""
     x, y = (limits[0] for limits in (axes.get_xlim(), axes.get_ylim()))
     corner, right, above = (axes.transData.transform((a * x, b * y)) for a, b in _ONE_DECADE)
     return right[0] - corner[0], above[1] - corner[1]
@@ -122,6 +121,7 @@ def test_slopes_are_as_steep_as_they_are():
         bands(eight, "Made here."),
         against_stokes(three, "error", "Made here."),
     ):
+        figure.canvas.draw()
         for axes in figure.axes:
             x, y = decade(axes)
             assert x == pytest.approx(y, rel=1e-6)
