@@ -71,6 +71,13 @@ def rows(path: Path) -> dict[str, str]:
     return {key: json.dumps(json.loads(result)["statistics"]) for key, result in found}
 
 
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages without their pictures, which take longer than all else."""
+    for name in ("save", "picture"):
+        monkeypatch.setattr(f"polhode.harness.pages.ensembles.{name}", lambda *_: None)
+
+
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """What a run that nothing disturbs leaves in its store, made in this process."""
@@ -150,6 +157,7 @@ def test_a_killed_worker_and_a_killed_run_cost_nothing(
         assert gone(pid)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_lost_scheduler_costs_no_finished_task(
     here: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed
 ):
@@ -174,6 +182,7 @@ def test_a_lost_scheduler_costs_no_finished_task(
     assert rows(path) == undisturbed
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_two_runs_at_once_share_a_store(
     here: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed
 ):
@@ -221,6 +230,7 @@ def finish(here: Run, path: Path, undisturbed: dict[str, str]) -> None:
     assert rows(path) == undisturbed
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_limit_of_file_size_loses_nothing(
     here: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed
 ):
@@ -239,6 +249,7 @@ def test_a_limit_of_file_size_loses_nothing(
     finish(here, path, undisturbed)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_full_disk_loses_nothing(
     here: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed
 ):
@@ -494,13 +505,6 @@ def page_of(text: str, folder: Path) -> str:
         return write_results(sweep, store, folder, "polhode sweep mine.toml")[0].read_text(
             encoding="utf-8"
         )
-
-
-@pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pages without their pictures, which take longer than all else."""
-    for name in ("save", "picture"):
-        monkeypatch.setattr(f"polhode.harness.pages.ensembles.{name}", lambda *_: None)
 
 
 @pytest.mark.parametrize("count", [1, 2, 12, 997])
