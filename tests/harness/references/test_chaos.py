@@ -16,6 +16,8 @@ from polhode.models.problem import Problem
 from polhode.models.scenes import named_scene
 from polhode.solvers.solve import solve
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 CHAOTIC = named_scene("jeffery-chaotic")
 
 

@@ -11,6 +11,8 @@ from polhode import BodyStart, Ellipsoid, Scene, solve
 from polhode.harness.references.reference import reference
 from polhode.models.catalogue import full_form
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 FILE = Path(__file__).parents[2] / "oracle" / "whole_runs" / "whole_runs.json"
 RUNS = json.loads(FILE.read_text(encoding="utf-8"))
 # St up to which a run takes less than a second.
