@@ -8,8 +8,8 @@ import numpy as np
 
 from polhode.harness.analysis.pareto import TIE, cost
 
-# St that differ by less than this share are the same: a typed St has few digits. `verdict.js` has the
-# same number.
+# St that differ by less than this share are the same: a typed St has few digits. An estimate: measured St
+# lie far wider apart, so that one of them at most is the same. `verdict.js` has the same number.
 _SAME = 1e-3
 
 Column = Mapping[str, Any]
@@ -17,9 +17,11 @@ Column = Mapping[str, Any]
 
 `particle` is its name, `want` the kind of error, "slow" (L and E) or "orientation" (`answers._WANTS`),
 `St` the Stokes number, `span` the length of the runs in words, which `verdict.js` shows. `limit` is the
-least error that the reference knows. `methods` holds form, solver, label, whether the form is averaged,
-and `points`: error, seconds, tolerance and the spread of the repeats over their time, from the fastest
-run to the most accurate one.
+least error that the reference knows, None where its uncertainty is unknown: then it knows none. `methods`
+holds form, solver, label, whether the form is averaged, and `points`, from the fastest run to the most
+accurate one. A point has the error, the seconds of the fastest repeat, the tolerance, and the spread: the
+longest repeat less the fastest, over the fastest. Methods of one label count as one: an averaged form by
+any solver, or a solver in any full form (`pareto.Method.label`).
 """
 
 
@@ -29,7 +31,7 @@ class _Run(NamedTuple):
     error: float
     seconds: float
     tolerance: float
-    spread: float  # Of the repeats, over their time.
+    spread: float  # of its repeats, over its seconds
 
 
 class _Candidate(NamedTuple):
@@ -93,14 +95,15 @@ def _answer(column: Column, error: float) -> dict[str, Any]:
     answer: dict[str, Any] = {"St": column["St"]}
     answer["averaged"] = _averaged_forms(column["methods"], error)
     # At or below the limit nobody knows which run is good enough.
-    methods = column["methods"] if column["limit"] is None or error > column["limit"] else []
+    known = column["limit"] is not None and error > column["limit"]
+    methods = column["methods"] if known else []
     answer["known"] = bool(methods)
     ranked = sorted(_candidates(methods, error))
     if not ranked:
         return answer
     winner = ranked[0]
-    # Rank is by interpolated time. If an averaged form has a measured run quicker than the winner's own,
-    # it wins.
+    # Rank is by interpolated time. An answer is never dearer than an averaged form that is good enough: the
+    # quickest of those whose measured run is quicker than the winner's own wins.
     for candidate in ranked:
         if candidate.averaged and candidate.run.seconds < winner.run.seconds:
             winner = candidate

@@ -31,7 +31,7 @@ const lookUp = (() => {
   const order = (a, b) => (a < b ? -1 : a > b ? 1 : 0);
 
   function answer(column, error) {
-    const methods = column.limit === null || error > column.limit ? column.methods : [];
+    const methods = column.limit !== null && error > column.limit ? column.methods : [];
     const found = { St: column.St, averaged: averagedForms(column.methods, error), known: methods.length > 0 };
     const ranked = methods.map((method) => ({ method, seconds: cost(method.points, error) })).filter((entry) => entry.seconds !== null);
     ranked.sort((a, b) => order(a.seconds, b.seconds) || order(a.method.form, b.method.form) || order(a.method.solver, b.method.solver));

@@ -53,6 +53,7 @@ def run_batches(
     lanes = integrator.batch_size
     of_all = np.broadcast_to(parameters, (len(parameters), len(starts)))
     grid = np.repeat(times[:, None], lanes, axis=1)
+    # A particle's rows lie together, as they are read.
     states = np.empty((len(starts), len(times), starts.shape[1])).swapaxes(0, 1)
     statuses = np.empty(len(starts), dtype=object)
     order = np.argsort(_speed(problem, starts, parameters), kind="stable")
@@ -93,7 +94,11 @@ def _speed(problem: Problem, starts: np.ndarray, parameters: np.ndarray) -> np.n
 
 
 def _status(outcome: Any) -> str:
-    """The status that heyoka's outcome stands for."""
+    """The status that heyoka's outcome stands for.
+
+    A run ends at its last time, at the limit of steps, or where its state is not finite; heyoka's other
+    outcomes need events or a limit that is not set here. Should one appear, it counts as a failed step.
+    """
     outcomes = load_heyoka().taylor_outcome
     statuses = {
         outcomes.time_limit: "REACHED_END",

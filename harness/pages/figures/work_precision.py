@@ -31,6 +31,7 @@ from polhode.harness.analysis.frames import by_scene, by_stokes, where
 from polhode.harness.analysis.pareto import LEAST_GAIN, Method, costs, pareto_front
 from polhode.harness.analysis.regime_map import MAP_TARGETS as TARGETS
 from polhode.harness.common.text import short
+from polhode.harness.common.timing import MOST_RUNS
 from polhode.harness.pages.figures.style import (
     BEHIND,
     GREY,
@@ -67,7 +68,8 @@ UNKNOWN_LABEL = f"grey: within {KNOWN:g} times the\nreference's uncertainty"
 # The end of the labels of solvers that have runs without a result.
 NO_RESULT = ": no result"
 # Runs beyond this error, over I_max or in rad, have failed, whatever their status: they lie outside
-# the axes, and stay in the table.
+# the axes, and stay in the table. An estimate: no orientation is off by more than π, and L and E of a run
+# that is worth a look by less than some I_max.
 LARGEST_ERROR = 10.0
 # Dashes of a solver's lines: one for each full form, where a scene is solved in several.
 _DASHES = ("-", "--", ":", "-.")
@@ -75,8 +77,8 @@ _DASHES = ("-", "--", ":", "-.")
 _MARKER_ROOM = 0.02
 # Powers of ten of an axis that stand beside each other: of more every other one is written.
 _MAX_WRITTEN_DECADES = 7
-# A panel lower than a decade of the time is extended by this factor at both ends: one power of ten, at
-# least, then stands on its axis.
+# A panel lower than a decade of the time is extended by this factor at both ends, to most of a decade or
+# more, so that a power of ten mostly stands on its axis. By eye.
 _EXTENSION = 3
 # Ticks of an axis, more than any has: the locator would else leave out some.
 _MAX_TICKS = 30
@@ -110,8 +112,8 @@ _PROFILES_HEIGHT = 4.6  # Inches of the figure of profiles.
 _BEYOND = 1.1
 # Methods that the figure names, those that are fast and sure; the others are grey. A choice.
 NAMED = 7
-# Ratios below which the heat map writes "1", in bold, and below which it writes a number at all: "9.9"
-# is the longest text that fits into a cell.
+# Ratios below which the heat map writes "1", in bold, as two digits would be rounded to it, and below which
+# it writes a number at all: "9.9" is the longest text that fits into a cell.
 _FASTEST_BELOW = 1.05
 _WRITTEN_BELOW = 9.95
 # Ratios of the heat map's key, to the largest that has a shade of its own.
@@ -147,7 +149,9 @@ class _LineName(NamedTuple):
     height: float  # Of that point above the foot of the figure, in points.
 
 
-def conditions(runs: pd.DataFrame, machine: str, repeats: str = "fastest of up to 5") -> str:
+def conditions(
+    runs: pd.DataFrame, machine: str, repeats: str = f"fastest of up to {MOST_RUNS}"
+) -> str:
     """Tolerances, machine, repeats and their spread, as figures of times name them."""
     tolerances: Any = runs["tolerance"].dropna().astype(float)
     parts = []
@@ -179,6 +183,7 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
     error : str
         Column to draw along x.
     """
+    # Runs that fail have no seconds.
     done = where(runs, runs["seconds"].notna() & runs[error].notna())
     forms = [str(form) for form in dict.fromkeys(done["form"])]
     full = [form for form in forms if not is_averaged(form)]
@@ -217,7 +222,6 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
     axes.yaxis.set_minor_formatter(NullFormatter())
     plain(axes)
     _without_result(axes, runs)
-    # The axis spans most of a decade, so that a power of ten stands on it.
     low, high = axes.get_ylim()
     if high < 10 * low:
         axes.set_ylim(low / _EXTENSION, high * _EXTENSION)

@@ -128,13 +128,22 @@ def test_below_what_was_measured_nothing_is_recommended(questions, answers, runs
     for (particle, want, _, error), found in zip(questions, answers, strict=True):
         for answer in found["answers"]:
             least = np.fmin.reduce(runs[particle, answer["St"]][COLUMN[want]])
-            limit = limits[particle, want, answer["St"]] or 0.0
+            limit = limits[particle, want, answer["St"]]
+            limit = np.inf if limit is None else limit
             if error < max(least, limit) * (1 - 1e-3):
                 assert "form" not in answer
                 nothing += 1
             elif error > max(least, limit) * (1 + 1e-3):
                 assert "form" in answer
     assert nothing > 500
+
+
+def test_where_the_reference_is_not_known_nothing_is_recommended(columns):
+    column = next(one for one in columns if (one["particle"], one["St"]) == ("spheroid", 1.0))
+    unknown = [column | {"limit": None}]
+    asked = ("spheroid", column["want"], 1.0, 1e-4)
+    assert "form" in look_up([column], *asked)["answers"][0]
+    assert "form" not in look_up(unknown, *asked)["answers"][0]
 
 
 def test_the_map_and_the_look_up_agree(columns):
