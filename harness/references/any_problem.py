@@ -252,6 +252,10 @@ def _segments_deviation(
     limits: dict[str, Any] = {"max_step": float(times[-1]) / _LEAST_STEPS, "max_steps": _MAX_STEPS}
     for row, duration in enumerate(np.diff(times).tolist()):
         segment = problem.continued(float(times[row]), tuple(states[row].tolist()), duration)
+        if not problem.plain:
+            # A recorded function has its time, if it uses one, in the state. With the very same field its
+            # machine code is compiled once and not for every segment.
+            segment = replace(segment, field=problem.field)
         left = deadline - perf_counter()
         if left <= 0:
             return None

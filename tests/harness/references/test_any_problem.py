@@ -7,6 +7,7 @@ from polhode.harness.references import any_problem
 from polhode.harness.references.any_problem import reference_of
 from polhode.harness.references.extended import ReferenceFailedError
 from polhode.models.problem import Problem
+from polhode.solvers.solve import solve
 
 
 def oscillator(t, y):
@@ -42,3 +43,17 @@ def test_uncertainty_of_unlike_runs_holds_the_true_error(
     known = reference_of(problem, times, deviation, 10.0)
     error = np.abs(known.states[:, 0] - solution(times)).max()
     assert 0 < error <= known.uncertainty < 1e-9
+
+
+def test_the_witness_compiles_a_recorded_function_once(monkeypatch: pytest.MonkeyPatch):
+    """Machine code is cached by the field: segments with equal fields share it."""
+    fields = set()
+
+    def noting(segment, *arguments, **named):
+        fields.add(segment.field)
+        return solve(segment, *arguments, **named)
+
+    monkeypatch.setattr(any_problem, "solve", noting)
+    problem = Problem.from_function(oscillator, [1.0, 0.0], 10.0)
+    reference_of(problem, np.linspace(0.0, 10.0, 11), deviation, 10.0)
+    assert fields == {problem.field}
