@@ -35,6 +35,8 @@ from polhode.solvers.contract import Status
 from polhode.solvers.solve import Interrupted
 from polhode.solvers.taylor import Taylor
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 WAY = {"form": "quaternion", "solver": "cyrk-vern8", "tolerance": 1e-10}
 
 

@@ -9,6 +9,8 @@ from scipy.integrate import solve_ivp as scipys
 from oracle.accepting import accepting
 from polhode import Problem, solve_ivp
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 
 def oscillator(t, y):
     return [y[1], -y[0]]

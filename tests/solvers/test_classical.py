@@ -18,6 +18,8 @@ from polhode.solvers.catalogue import SOLVERS, solver
 from polhode.solvers.compile import plain_field
 from polhode.solvers.solve import solve
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 IMPLICIT = tuple(name for name in SOLVERS if solver(name).implicit)
 MULTISTEP = ("bdf", "lsoda", "cvode-adams", "cvode-bdf", "ida", "cyrk-lsoda", "cyrk-bdf")
 # SciPy's implicit methods take long where steps are many; CyRK's are the same in machine code.

@@ -8,6 +8,8 @@ from polhode.models.scene import Scene, SlowStart
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.contract import Status
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 
 @pytest.mark.parametrize("tolerance", [0.3, 0.03])
 def test_a_run_that_is_far_off_is_no_success(tolerance: float):

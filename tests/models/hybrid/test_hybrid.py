@@ -31,6 +31,8 @@ from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Status
 from polhode.solvers.solve import Solution, solve
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 SOLVER = "cyrk-vern8"
 PAPER = EulerStart((pi / 3, pi / 6, 0.0), (1.0, 1.0, -1.0))
 REST = EulerStart((1.0, 0.3, 0.2))
