@@ -23,6 +23,8 @@ from versions.tools import SMOKE, answers_of
 
 from polhode.models.libraries import KNOWN_LIBRARIES
 
+pytestmark = pytest.mark.usefixtures("quickly_compiled")
+
 every_library = pytest.mark.parametrize("library", LIBRARIES)
 
 
