@@ -105,6 +105,10 @@ class Worker(AbstractContextManager["Worker"]):
         began = perf_counter()
         try:
             connection = self._connection or self._start()
+            if self._stopped:
+                # `stop` came before there was a process to kill.
+                self.close()
+                return Reply(None, Failure.LOST, "stopped", 0.0)
             began = perf_counter()
             connection.send((function, arguments))
             if connection.poll(min(_LIMITS * limit + GRACE, _LONGEST)):

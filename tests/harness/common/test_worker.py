@@ -35,6 +35,23 @@ def test_a_worker_stopped_before_it_starts_runs_nothing():
     assert (worker.run(os.getpid, limit=10.0).failure, worker.pid) == (Failure.LOST, None)
 
 
+def test_a_worker_stopped_while_it_starts_runs_nothing(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    """Ctrl-C may come between the request of a process and the process."""
+    start = Worker._start
+
+    def stopped_first(self: Worker):
+        self.stop()
+        return start(self)
+
+    monkeypatch.setattr(Worker, "_start", stopped_first)
+    with Worker() as worker:
+        reply = worker.run(os.mkdir, tmp_path / "made", limit=10.0)
+        assert (reply.failure, worker.pid) == (Failure.LOST, None)
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_value_that_cannot_be_read_is_a_reply(worker: Worker):
     reply = worker.run(of_two_arguments, limit=10.0)
     assert reply.failure is Failure.RAISED
