@@ -21,8 +21,9 @@ from polhode.harness.studies.study import Study
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian, Status
 
-# Seconds that a first run may spend on compilation, beyond its time limit; at twice their sum it is
-# killed. An estimate: compilation takes seconds, and a larger value only kills a process that hangs later.
+# Seconds that a run may spend on compilation, beyond its time limit; at twice their sum it is killed. An
+# estimate: compilation takes seconds, and a larger value only kills a process that hangs later. The sentinel,
+# which takes milliseconds, has as many.
 COMPILATION = 60.0
 # A stopped run that was further off than this, in L and E over I_max, had gone wrong: a tighter
 # tolerance may well be faster. L and E over I_max are of order 1 themselves.
@@ -43,7 +44,7 @@ class Runner:
     store: Store
     quiet: bool = False
     _worker: Worker = field(default_factory=Worker)
-    # Records of runs that were stopped; tighter tolerances of their group are not tried.
+    # Records of runs that were stopped; tighter tolerances of their group, which come later, are not tried.
     _too_slow: dict[Group, Record] = field(default_factory=dict)
     _patience: Patience = field(init=False)
     _lost: int = field(default=0, init=False)  # cases whose process was killed from outside
@@ -56,7 +57,10 @@ class Runner:
         return self.run_batches(study.name, list(study.batches()))
 
     def run_batches(self, name: str, batches: list[list[Case]]) -> list[Record]:
-        """The same of cases in batches, under a name that progress shows."""
+        """The same of cases in batches, under a name that progress shows.
+
+        Batches come by tolerance, the loosest first: a group that is too slow at one is not tried at the next.
+        """
         stored_keys = self.store.keys()
         study_keys = [case.key for case in chain.from_iterable(batches)]
         measured = surroundings()
@@ -78,7 +82,10 @@ class Runner:
         return [record for record in self.store if record["key"] in of_study]
 
     def _measure(self, batch: list[Case], progress: Steps) -> list[tuple[Case, Record]]:
-        """Records of a batch's cases: all are run once, then those that succeeded are timed in rounds."""
+        """Records of a batch's cases: all are run once, then those that succeeded are timed in rounds.
+
+        A case that fails when it is timed has failed, whatever its first run did.
+        """
         # Garbage of the batch before goes now, not beside a run that is timed.
         gc.collect()
         records: dict[Case, Record] = {}
@@ -91,11 +98,7 @@ class Runner:
                 self._lost += 1
                 continue
             records[case] = {"date": now(), "tags": list(case.tags), **result}
-        timings = {
-            case: Timing(())
-            for case, record in records.items()
-            if record["status"] == Status.REACHED_END
-        }
+        timings = {case: Timing(()) for case, record in records.items() if _succeeded(record)}
         timed = list(timings)
         # The least time of the sentinel beside this batch.
         sentinel_seconds = self._patience.look() if batch else 0.0
@@ -106,15 +109,21 @@ class Runner:
                 if reply.failure is Failure.LOST:
                     self._lost += 1
                     del records[case]
-                elif reply.failure is None:
+                elif reply.failure:
+                    record = records[case]
+                    records[case] = {
+                        "date": record["date"],
+                        "tags": record["tags"],
+                        **how_failed(reply.failure, reply.message),
+                        "inferred": False,
+                    }
+                else:
                     timings[case] = timings[case].and_one(*reply.value)
             timed = [
-                case
-                for case in timed
-                if case in records and timings[case].runs and timings[case].wants_more
+                case for case in timed if _succeeded(records.get(case)) and timings[case].wants_more
             ]
         for case, timing in timings.items():
-            if timing.runs and case in records:
+            if _succeeded(records.get(case)):
                 records[case] |= {
                     "seconds": timing.seconds,
                     "seconds_spread": timing.spread,
@@ -145,8 +154,10 @@ class Runner:
         reply = self._worker.run(attempt, case, limit=case.max_seconds + COMPILATION)
         if reply.failure is Failure.LOST:
             return None
-        failed = how_failed(reply.failure, reply.message) | {"inferred": False}
-        record = judge(case, *reply.value) if reply.value else failed
+        if reply.value:
+            record = judge(case, *reply.value)
+        else:
+            record = how_failed(reply.failure, reply.message) | {"inferred": False}
         if _too_slow(record):
             self._too_slow[_group(case)] = record
         return record
@@ -154,9 +165,14 @@ class Runner:
 
 def how_failed(failure: Failure | None, message: str) -> Record:
     """Status and message of a run that took its process with it, or raised."""
-    # The last line of a traceback says what was raised.
     status = Status.TIME_LIMIT if failure is Failure.KILLED else Status.CRASHED
+    # The last line of a traceback says what was raised.
     return {"status": str(status), "message": message.strip().rpartition("\n")[2]}
+
+
+def _succeeded(record: Record | None) -> bool:
+    """Whether there is a record, of a case that has reached its end."""
+    return record is not None and record["status"] == Status.REACHED_END
 
 
 def _too_slow(record: Record) -> bool:

@@ -17,8 +17,9 @@ from commandline import SCRIPT, STUDY, Run
 from polhode.harness.analysis.frames import frame
 from polhode.harness.analysis.pareto import cheapest
 from polhode.harness.common.store import Record, Store, read_export
-from polhode.harness.common.worker import KilledFromOutsideError
+from polhode.harness.common.worker import Failure, KilledFromOutsideError, Reply, Worker
 from polhode.harness.references.reference import reference
+from polhode.harness.studies.case import time_once
 from polhode.harness.studies.runner import Runner
 from polhode.harness.studies.study import Choice, Study, read_study
 
@@ -153,6 +154,27 @@ def test_no_liar_wins(records: list[Record]):
             for name in ("FirstOrder", "SecondOrder", "Askew", "Opposite", "Midpoint")
         }
         assert {str(winner[0]["solver"]), *(method.solver for method in winner[1])} <= honest
+
+
+@pytest.mark.parametrize("good_runs", [0, 1])
+def test_a_case_that_fails_when_it_is_timed_has_failed(
+    study: Study, tmp_path: Path, good_runs: int
+):
+    class Failing(Worker):
+        timed = 0
+
+        def run(self, function, *arguments, limit):
+            self.timed += function is time_once
+            if self.timed > good_runs and function is time_once:
+                return Reply(None, Failure.CRASHED, "crashed with SIGSEGV", 0.0)
+            return super().run(function, *arguments, limit=limit)
+
+    one = replace(study, solvers=("planted:FirstOrder",), tolerances=TOLERANCES[:1])
+    with Store(tmp_path / "store.sqlite") as store:
+        (record,) = Runner(store, quiet=True, _worker=Failing()).run(one)
+    assert (record["status"], record["message"]) == ("crashed", "crashed with SIGSEGV")
+    assert "seconds" not in record
+    assert "slow_error" not in record
 
 
 def test_a_slow_back_end_says_nothing_of_the_others(study: Study, tmp_path: Path):
