@@ -69,7 +69,8 @@ class Plan:
         """Solve the problem, and look for events.
 
         `watch` gets the record of each segment before it is integrated. Raises ValueError for a mistake in an
-        event, and `polhode.solvers.solve.Interrupted` on Ctrl-C.
+        event, NotAttainableError where no method meets the error requested, and
+        `polhode.solvers.solve.Interrupted` on Ctrl-C.
         """
         runner = Runner(self.scene, self._times, self.problems)
         self._check(runner, events)
@@ -178,7 +179,11 @@ def _methods(
     want: str,
     tolerance: float | None,
 ) -> tuple[Method, ...]:
-    """Methods to try in turn, none of which refuses the scene; raises ValueError where all do."""
+    """Methods to try in turn.
+
+    Raises ValueError where the form given refuses the scene, or cannot tell what is wanted. Whether the
+    solver takes the form's problem is seen later (`_checked`).
+    """
     equations = find_form(form) if form is not None else None
     given_solver = find_solver(solver) if solver is not None else None
     if equations:
@@ -336,7 +341,7 @@ def as_scene(scene: SceneLike) -> Scene:
 
 
 def _in_doubles(value: Any) -> Any:
-    """A scene, or a part of it, in Python numbers: NumPy's may be of single precision, its arrays have no hash."""
+    """A scene, or a part of it, in doubles and tuples: NumPy's numbers may be of single precision, arrays have no hash."""
     if value is None or isinstance(value, Flow):
         # A flow holds Python numbers, and may hold many.
         return value

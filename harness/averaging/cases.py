@@ -67,8 +67,9 @@ def _case(
     """A case of the second order, at `points` St over two decades from 10^`lowest` on.
 
     `start` names one of NAMED_STARTS. Without it the body starts at TILTED, with `spin` as its angular
-    velocity in body axes, in shear rates. At the usual lowest St, 1e4, orientations err by less than 1 rad, from
-    which on their phase would be lost; the needle 1:1:10, which errs by more there, starts at 10^4.5.
+    velocity in body axes, in shear rates. At the usual lowest St, 1e4, orientations of runs away from resonances
+    err by less than 1 rad, from which on their phase would be lost. The needle 1:1:10 starts at 10^4.5: with the
+    paper's start it errs by more at 1e4.
     """
     exponents = np.linspace(lowest, lowest + _DECADES, points).tolist()
     name = start or f"ω = ({', '.join(f'{rate:g}' for rate in spin)})"
@@ -88,7 +89,9 @@ def _cases(table: str) -> tuple[Subject, ...]:
 
 
 # Cases of the second order, by what their runs meet. Bodies, starts and slow times are examples, chosen once.
-AWAY = _cases("away")  # No strong resonance of polhode and precession.
-RESONANT = _cases("resonant")  # Such resonances, which the run passes.
+# No resonance of polhode and precession that shows in the errors.
+AWAY = _cases("away")
+# Runs chosen near resonances. `reports/second-order` says which ones each passes; some pass none that shows.
+RESONANT = _cases("resonant")
 # L² = 2EI₂, I₂ being the middle moment of inertia, which the form cannot cross: the study cuts the run before it.
 CROSSING = _cases("crossing")

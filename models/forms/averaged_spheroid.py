@@ -1,4 +1,8 @@
-"""Averaged form of a spheroid: the slow variables L and η = ω·p̂ alone, in slow time (`lxsmain`–`nsmain`)."""
+"""Averaged form of a spheroid: the slow variables L and η = ω·p̂ alone, in slow time (`lxsmain`–`nsmain`).
+
+Names such as `lxsmain` are labels of the paper's LaTeX source. The aspect ratio κ, the moments I_a, I_e and the
+resistances X_c, Y_c are those of `polhode.models.shape`.
+"""
 
 from functools import partial
 from math import sqrt
@@ -18,8 +22,8 @@ def field(ops: Operations) -> Field:
 
     L is in units of I_e. κ enters through I_a/I_e = 2/(κ² + 1) alone.
     """
-    # These are the rates of `averaged`, with its A to D over I_e: `decay` is A, and `from_x`, `from_y`,
-    # `from_z` are C/2, D/2, B/2. The mean squares of L's body components over |L| are `along` for the
+    # The rates of L are those of `averaged`, with I and X in units of I_e: `decay` is its A, and `from_x`,
+    # `from_y`, `from_z` are C/2, D/2, B/2. The fourth rate is that of η, where `averaged` has that of E. The mean squares of L's body components over |L| are `along` for the
     # symmetry axis and half of `across` for either other axis. `high` and `low` are the shares
     # κ²/(κ² + 1) and 1/(κ² + 1) of the squared semi-axes, axial and equatorial, in their sum. The differences B - C and
     # B - D have the factor (2 along - across)/2 in common, which stands in `tilt`.
@@ -54,7 +58,7 @@ def field(ops: Operations) -> Field:
 
 
 def range_excess(states: np.ndarray, ratio: float) -> np.ndarray:
-    """How far L·p̂ = I_a η exceeds |L|, squared, over the largest |L|² of states, shape (n, 4); `ratio` is I_a/I_e."""
+    """How far (L·p̂)² = (I_a η)² exceeds |L|², over the largest |L|², of states, shape (n, 4); `ratio` is I_a/I_e."""
     lx, ly, lz, spin = states.T
     momentum2 = lx * lx + ly * ly + lz * lz
     along = ratio * spin
@@ -64,8 +68,8 @@ def range_excess(states: np.ndarray, ratio: float) -> np.ndarray:
 class AveragedSpheroid(Form):
     """State (L_x, L_y, L_z, η) in slow time, L in units of I_e; E follows by `EetaL`.
 
-    Its error against the full forms falls like 1/St. η = -η' is a symmetry: a start given by L and
-    E takes η ≥ 0.
+    Its error against the full forms falls like 1/St. The motions with η and with -η have the same L and E: a start
+    given by L and E takes η ≥ 0.
     """
 
     name = "averaged-spheroid"
@@ -116,6 +120,7 @@ def initial_spin(scene: Scene) -> float:
     momentum2 = sum(component * component for component in scene.start.angular_momentum)
     energy2 = 2 * scene.start.energy
     if axial == equatorial:
+        # A sphere's E follows from L, which says nothing of η, and no rate of L depends on η.
         return 0.0
     along2 = max(0.0, (momentum2 - energy2 * equatorial) * axial / (axial - equatorial))
     return sqrt(min(along2, momentum2)) / axial
