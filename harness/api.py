@@ -341,7 +341,10 @@ def as_scene(scene: SceneLike) -> Scene:
 
 
 def _in_doubles(value: Any) -> Any:
-    """A scene, or a part of it, in doubles and tuples: NumPy's numbers may be of single precision, arrays have no hash."""
+    """A scene, or a part of it, in doubles and tuples.
+
+    NumPy's numbers may be of single precision, and its arrays have no hash.
+    """
     if value is None or isinstance(value, Flow):
         # A flow holds Python numbers, and may hold many.
         return value

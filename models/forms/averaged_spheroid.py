@@ -23,10 +23,11 @@ def field(ops: Operations) -> Field:
     L is in units of I_e. κ enters through I_a/I_e = 2/(κ² + 1) alone.
     """
     # The rates of L are those of `averaged`, with I and X in units of I_e: `decay` is its A, and `from_x`,
-    # `from_y`, `from_z` are C/2, D/2, B/2. The fourth rate is that of η, where `averaged` has that of E. The mean squares of L's body components over |L| are `along` for the
-    # symmetry axis and half of `across` for either other axis. `high` and `low` are the shares
-    # κ²/(κ² + 1) and 1/(κ² + 1) of the squared semi-axes, axial and equatorial, in their sum. The differences B - C and
-    # B - D have the factor (2 along - across)/2 in common, which stands in `tilt`.
+    # `from_y`, `from_z` are C/2, D/2, B/2. The fourth rate is that of η, where `averaged` has that of E.
+    # The mean squares of L's body components over |L| are `along` for the symmetry axis and half of
+    # `across` for either other axis. `high` and `low` are the shares κ²/(κ² + 1) and 1/(κ² + 1) of the
+    # squared semi-axes, axial and equatorial, in their sum. The differences B - C and B - D have the factor
+    # (2 along - across)/2 in common, which stands in `tilt`.
 
     def rhs(y, p):
         lx = y[0]
