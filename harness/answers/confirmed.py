@@ -126,8 +126,13 @@ def confirm(
     run = runner.run(method, tolerance, watch=watch)
     if not estimate:
         return Answer(method, tolerance, runner.rows(run.solution), UNKNOWN)
+    return _believed(runner, run, _confirmed(runner, run))
+
+
+def _confirmed(runner: Runner, run: Run) -> RunError:
+    """The confirmation of a run; on Ctrl-C the run is left, which has ended."""
     try:
-        return _believed(runner, run, confirmation(runner, run))
+        return confirmation(runner, run)
     except KeyboardInterrupt:
         raise Interrupted(runner.rows(run.solution)) from None
 
@@ -191,7 +196,7 @@ def _meet(
             check_representable(error, attainable(runner.scene.ellipsoid, run.observables))
         stated_error = _stated_in_search(runner, run, before, in_pairs)
         if stuck and stated_error is UNKNOWN and run.success:
-            stated_error = confirmation(runner, run)
+            stated_error = _confirmed(runner, run)
         interval = stated_error.of(want)
         stride = _tighter(method)
         if interval:
@@ -210,14 +215,14 @@ def _meet(
     if best is None:
         last = before or run
         assert last
-        best = last, confirmation(runner, last)
+        best = last, _confirmed(runner, last)
     return _believed(runner, *best)
 
 
 def _stated_in_search(runner: Runner, run: Run, before: Run | None, in_pairs: bool) -> RunError:
     """The error of a run, from the looser one before it, or from a second run of its own."""
     if run.success and not in_pairs:
-        return confirmation(runner, run)
+        return _confirmed(runner, run)
     if run.success and before and sharpens(run, before):
         return _compared(runner, "tighter", run, before)
     return UNKNOWN

@@ -23,6 +23,8 @@ from polhode import (
     solve,
     solve_ivp,
 )
+from polhode.harness.answers.rules import Method
+from polhode.harness.answers.runs import Runner
 from polhode.harness.api import as_scene, plan
 from polhode.harness.pages.figures.motion import slow_variables
 from polhode.harness.pages.figures.style import GREY
@@ -147,6 +149,21 @@ def test_ctrl_c_in_the_second_look_keeps_the_run(monkeypatch: pytest.MonkeyPatch
     with pytest.raises(Interrupted) as caught:
         solve("paper", **WAY)
     assert (caught.value.solution.status, len(caught.value.solution.times)) == ("reached_end", 201)
+
+
+def test_ctrl_c_in_a_confirming_run_of_another_form_keeps_the_finished_run(monkeypatch):
+    """The rows are those of the form whose motion they are taken for."""
+    run = Runner.run
+
+    def interrupted(self: Runner, method: Method, *given, **named):
+        if method.form.name != "euler-angles":
+            raise Interrupted(run(self, method, *given, **named).solution)
+        return run(self, method, *given, **named)
+
+    monkeypatch.setattr(Runner, "run", interrupted)
+    with pytest.raises(Interrupted) as caught:
+        solve("paper", form="euler-angles", error=1e-6)
+    assert caught.value.solution.problem.name == "euler-angles"
 
 
 def test_solutions_pickle(solution: SceneSolution):
