@@ -2,8 +2,8 @@
 
 `meet` looks for a run that meets an error: it runs, runs again tighter, and stops when the two
 agree; the tighter one is the answer. `confirm` confirms a run at a tolerance that the user gave by
-a second one that costs less. Two runs that average never confirm each other: an estimate of the
-theory does, a kind of its own.
+a second one, which costs less wherever a looser one tells anything. Two runs that average never
+confirm each other: an estimate of the theory does, a kind of its own.
 
 All decisions follow from counts and differences, none from a clock, so that the answer does not
 depend on what else the machine does.
@@ -14,6 +14,7 @@ many rotations, such as splitting. Runs *along a track* have a flow that changes
 """
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import inf, pi
 from time import perf_counter
@@ -63,10 +64,12 @@ from polhode.solvers.solve import Interrupted, Solution
 # Ratio of the tolerances of a looser second run and the run: 0.65 of its steps at order 8. Splitting,
 # whose steps come in few sizes, is tightened by as much: 1.5 to 1.8 times the steps.
 LOOSER = 30.0
-# From this tolerance on a second run is tighter: looser ones hold nothing. An estimate.
+# The loosest tolerance of a second run: looser ones hold nothing, so where it would be looser the second run
+# is tighter than the first. An estimate.
 _LOOSE = 1e-5
 # Least ratio of the steps of the better run to the steps of the worse run of one method. At this
-# ratio a method of order 6 errs by as much as its two runs differ, and by more below it.
+# ratio the better run of a method of order 5 errs by as much as the two differ, of order 6 by three quarters
+# of it, and below it by more.
 _LEAST_STEP_RATIO = 1.15
 # The same of splitting, where smaller factors hide errors up to 60 times the difference.
 LEAST_STEP_RATIO_SPLITTING = 1.35
@@ -129,18 +132,27 @@ def confirm(
     return _believed(runner, run, _confirmed(runner, run))
 
 
-def _confirmed(runner: Runner, run: Run) -> RunError:
-    """The confirmation of a run; on Ctrl-C the run is left, which has ended."""
+@contextmanager
+def _kept(runner: Runner, run: Run) -> Iterator[None]:
+    """Keep a run, which has ended, on Ctrl-C in what is done beside it."""
     try:
-        return confirmation(runner, run)
+        yield
     except KeyboardInterrupt:
         raise Interrupted(runner.rows(run.solution)) from None
+
+
+def _confirmed(runner: Runner, run: Run) -> RunError:
+    """The confirmation of a run."""
+    with _kept(runner, run):
+        return confirmation(runner, run)
 
 
 def _believed(runner: Runner, run: Run, error: RunError) -> Answer:
     """The answer that a run is, its success taken from it where that is known to be false."""
     solution = runner.rows(run.solution)
-    if words := doubt(runner, run, error):
+    with _kept(runner, run):
+        words = doubt(runner, run, error)
+    if words:
         solution = replace(solution, status=Status.FALSE_SUCCESS, message=words)
     return Answer(run.method, run.tolerance, solution, error)
 
@@ -156,12 +168,18 @@ def meet(
     """Run the methods in turn until one meets an error; the best run of them where none does.
 
     Raises NotAttainableError (`request.py`) for an error of L and E below the rounding of the run. Raises
-    Interrupted on Ctrl-C, with the rows of the last run that ended, or of the first one as far as it came.
+    Interrupted on Ctrl-C: with the rows of the best run of the methods before, of the last one of this method
+    that ended, or of the first one as far as it came.
     """
     best = None
     smallest = inf
     for method in methods:
-        answer = _meet(runner, method, error, want, estimate, watch)
+        try:
+            answer = _meet(runner, method, error, want, estimate, watch)
+        except Interrupted:
+            if best is None:
+                raise
+            raise Interrupted(best.solution) from None
         interval = answer.error.of(want)
         high = interval.high if interval and answer.solution.success else inf
         if best is None or high < smallest or not best.solution.success:

@@ -23,6 +23,7 @@ from polhode import (
     solve,
     solve_ivp,
 )
+from polhode.harness.answers.confirmed import meet
 from polhode.harness.answers.rules import Method
 from polhode.harness.answers.runs import Runner
 from polhode.harness.api import as_scene, plan
@@ -33,6 +34,7 @@ from polhode.models.catalogue import form
 from polhode.models.form import Form
 from polhode.models.forms.quaternion import Quaternion
 from polhode.models.scenes import named_scene
+from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Status
 from polhode.solvers.solve import Interrupted
 from polhode.solvers.taylor import Taylor
@@ -141,14 +143,34 @@ def test_an_object_whose_class_stands_within_a_function_is_chosen_for():
     assert plan("paper", form, None, None, 1e-6, "slow", 201).form is form
 
 
-def test_ctrl_c_in_the_second_look_keeps_the_run(monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("name", ["confirmation", "doubt"])
+def test_ctrl_c_beside_a_run_keeps_it(name: str, monkeypatch: pytest.MonkeyPatch):
     def interrupted(*given: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("polhode.harness.answers.confirmed.confirmation", interrupted)
+    monkeypatch.setattr(f"polhode.harness.answers.confirmed.{name}", interrupted)
     with pytest.raises(Interrupted) as caught:
         solve("paper", **WAY)
     assert (caught.value.solution.status, len(caught.value.solution.times)) == ("reached_end", 201)
+
+
+def test_ctrl_c_in_a_second_method_keeps_the_run_of_the_first(monkeypatch: pytest.MonkeyPatch):
+    scene = as_scene("paper")
+    runner = Runner(scene, np.linspace(0.0, scene.time, 11))
+    # Tsitouras' method of order 5 does not meet an error near rounding.
+    methods = [Method(Quaternion(), find_solver(solver)) for solver in ("cyrk-tsit5", "cyrk-vern8")]
+    run = Runner.run
+
+    def interrupted(self: Runner, method: Method, *given, **named):
+        if method is methods[1]:
+            raise Interrupted(replace(run(self, method, *given, **named).solution, message="begun"))
+        return run(self, method, *given, **named)
+
+    monkeypatch.setattr(Runner, "run", interrupted)
+    with pytest.raises(Interrupted) as caught:
+        meet(runner, methods, 1e-13, "slow")
+    assert caught.value.solution.message != "begun"
+    assert len(caught.value.solution.times) == 11
 
 
 def test_ctrl_c_in_a_confirming_run_of_another_form_keeps_the_finished_run(monkeypatch):
