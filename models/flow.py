@@ -56,8 +56,8 @@ class Flow:
     Raises
     ------
     ValueError
-        If an entry is not a finite number, the trace is not zero to 1e-12 of the norm, or the times
-        do not increase.
+        If an entry of the gradient is not a finite number of a size up to 1e30, or its trace is not zero to
+        1e-12 of the norm. The times and gradients of a track are checked by `Flow.track` alone.
 
     Examples
     --------
@@ -335,7 +335,7 @@ def jeffery_in_any_flow(ops: Operations) -> Callable:
         strain23 = x[1] * v1 + y[1] * v2 + z[1] * v3
         strain31 = x[0] * v1 + y[0] * v2 + z[0] * v3
         strain12 = x[0] * u1 + y[0] * u2 + z[0] * u3
-        # `scale` comes last in each product: it is a quotient, which takes a processor long.
+        # The sums in parentheses do not wait for `scale`: it is a quotient, which takes a processor long.
         square = scale * scale
         return (
             scale * (h1 * x[0] + h2 * y[0] + h3 * z[0]) - g[0] * square * strain23,

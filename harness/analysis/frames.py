@@ -53,10 +53,9 @@ _OF_SUCCESSES = (
 )
 # Seven significant digits of numbers in `runs.csv`: times and errors are known to fewer.
 _CSV_NUMBER = "%.7g"
-# pandas before 3 reads a number to its last bit only if it is told to. Later ones warn of being
-# told.
-_PANDAS = int(pd.__version__.partition(".")[0])
-_EXACT = {"float_precision": "round_trip"} if _PANDAS < 3 else {}
+# pandas before 3.1 reads a number to its last bit only if it is told to. Later ones warn of being told.
+_PANDAS = tuple(map(int, pd.__version__.split(".")[:2]))
+_EXACT = {"float_precision": "round_trip"} if _PANDAS < (3, 1) else {}
 
 
 def read_csv(source: Any, **options: Any) -> pd.DataFrame:

@@ -106,7 +106,7 @@ def _passed_by_somebody(runs: Any) -> Any:
 
 
 def limit(table: pd.DataFrame) -> str:
-    """The time limits of the runs in words, as "1 s or 4 s"; "time" where the records have none.
+    """The time limits of the runs in words, as "1.0 s or 4.0 s"; "time" where the records have none.
 
     It stands after "stopped at the limit of". A study that sets `max_steps` stops runs at these too.
     """

@@ -3,8 +3,8 @@
 The reference is a tight run, and a looser run gives its uncertainty. Two runs of one method share
 its blindness: both step over a short pulse or a kink of the right-hand side. So an unlike method,
 the "witness", begins anew at every sample from the reference's states, with a limit on its step
-size. If its states differ, two unlike methods make the reference, and their difference is its
-uncertainty.
+size. If its states differ, two unlike methods make the reference, and a multiple of their difference
+is its uncertainty.
 """
 
 from collections.abc import Callable
@@ -81,18 +81,19 @@ _PAIRS = (
 # Absolute over relative tolerance of the pairs' runs, over the size of the start. An estimate: components down
 # to a millionth of the start's size are followed by the relative tolerance.
 _SMALL = 1e-6
-# Error that double precision leaves in a run of n ≈ 2,000 steps: √n ulps, with 2.2e-16 for an ulp. It is in
-# the measure of the errors.
+# Error that double precision leaves in a run of n ≈ 2,000 steps, as a tight one without a limit on the step
+# takes: √n ulps, with 2.2e-16 for an ulp. It is in the measure of the errors.
 _ROUNDING = 1e-14
 # Deviation of two unlike runs, in the measure of the errors, up to which they confirm each other. An
-# estimate. The uncertainty of runs that differ by more is ten times their deviation (`SAFETY`).
+# estimate. The uncertainty of runs that differ by more is ten times their deviation (`SAFETY`). A reference
+# whose uncertainty is no larger is good enough: no further pair is tried.
 _CONFIRMED = 1e-5
 
 # Two unlike runs may err alike: the uncertainty is at least this multiple of their deviation. An estimate, to
 # which the stated uncertainty is proportional.
 _ALIKE = 3.0
-# Beginnings of the names of compiled solvers. Only they get a limit on the step: its many steps take seconds
-# by solvers in Python. Each of the `_PAIRS` has one of them.
+# Beginnings of the names of compiled solvers. Of a pair only they get a limit on the step: its many steps take
+# seconds by solvers in Python. Each of the `_PAIRS` has one of them. The witness has the limit by any solver.
 _LIMITED = ("cyrk", "cvode")
 
 # The measure of the errors: how far states of shape (n, d) are from reference states of that shape. It is a

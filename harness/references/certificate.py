@@ -60,7 +60,8 @@ _ROUNDING = 1e-14
 _SHORTENED = 0.9
 # Largest 1/St that counts, so that products with it stay finite at St = 0.
 _LARGEST_RATE = 1e300
-# The body axis z', about which Euler angles and symmetry axes are taken.
+# The body axis z'. Forms that take the symmetry axis, whichever it is, as their third one are compared after
+# it has been renamed z'; all others keep their names.
 _THIRD_AXIS = 2
 # Four ways to move the numbers of a start by an ulp, up and down. The rows are orthogonal: no direction of a
 # start of four numbers escapes all of them. A longer start repeats a row's signs.
@@ -247,7 +248,8 @@ def _same_form(
 ) -> float | None:
     """Ratio as of `_other_form` for an averaged form, from the reference's state `before`, shape (d,)."""
     state = before.astype(float)
-    ulps = np.finfo(float).eps * np.resize(_SIGNS, (len(_SIGNS), len(state)))
+    signs = _SIGNS[:, np.arange(len(state)) % _SIGNS.shape[1]]
+    ulps = np.finfo(float).eps * signs
     problem = replace(form.problem(scene), end=length)
     problems = []
     for ulp in (np.zeros(len(state)), *ulps):

@@ -28,6 +28,7 @@ def field(ops: Operations) -> Field:
     averaged = ops.use(averaged_field)
 
     def rhs(y, p):
+        # A zero of the kind of number that y has.
         zero = 0.0 * y[0]
         _, _, lz, spin = averaged((zero, zero, y[0], y[1]), p)
         return lz, spin, y[0] + zero

@@ -263,7 +263,7 @@ class Projections(Experiment):
         """One plane at one energy: of L_z and the column `across`, with the `node` in (L_z, E)."""
         axes.set_xlabel("$L_z/I_{max}$")
         if across == "E":
-            # The lower bound of E, as far as the largest |L_z| of the starts, 2/3.
+            # The lower bound of E, somewhat beyond the largest |L_z| of the starts, 0.95 of |L| = 2/3.
             momentum = np.linspace(-0.7, 0.7, 101)
             axes.plot(momentum, momentum**2 / 2, color=BOUND, linewidth=0.8)
             title = f"$E_0/I_e$ = {energy:.3f}"
@@ -384,7 +384,7 @@ def share_of(energy: np.ndarray, momentum: np.ndarray) -> np.ndarray:
 
 
 def _thinned(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """A path, two columns by name, at even steps: 90 points draw it smoothly."""
+    """A path, its columns by name, at even steps in all of them: 90 points draw it smoothly."""
     index = planes.even_steps(np.stack(list(values.values()), axis=1), 90)
     return {name: column[index] for name, column in values.items()}
 
