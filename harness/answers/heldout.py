@@ -340,7 +340,10 @@ def judged(scenes: Any) -> list[Record]:
         good = group["met"] & (group["factor"] <= NEAR)
         ruled = group["rules_met"].astype(bool) & (group["rules_factor"] <= NEAR)
         with_plain = group.dropna(subset=["plain"])
-        total = (with_plain["asking"] + with_plain["seconds"]).sum() / with_plain["plain"].sum()
+        plain_seconds = with_plain["plain"].sum()
+        all_seconds = (with_plain["asking"] + with_plain["seconds"]).sum()
+        # Plain practice may solve none of a stratum's scenes.
+        total = all_seconds / plain_seconds if plain_seconds else nan
         rows.append(
             {
                 "stratum": name,
