@@ -77,6 +77,8 @@ _SENTENCE_TARGETS = (1e-2, 1e-4)
 _WHICH = ((ORDER_ONE, 1e-2), (ORDER_ONE, 1e-4), (ORDER_TWO, 1e-4), (ORDER_TWO, 1e-6))
 # Quantiles of a band over the bodies: its lower edge, its line, its upper edge.
 _BAND = (0.025, 0.5, 0.975)
+# Title of the panel of the orientation.
+_ORIENTATION = "orientation (rad)"
 # Words for the errors, by column: "turned" is the error of the orientation, in rad.
 _ERRORS = {"slow": "L, E", "turned": "orientation"}
 
@@ -90,11 +92,13 @@ def write_page(data: Data, folder: Path, command: str) -> dict[str, Any]:
     write_laws(laws, folder / "laws.json")
     note = (
         f"{len(data.bodies)} random bodies and starts, {len(data.references)} references; errors are "
-        "maxima up to t₂ = 1, over the largest moment of inertia, in the last panel in rad. Bands "
-        # Figures with times name the machine that they were measured on: this one has no need to.
-        "break off where bodies are refused. No times are shown."
+        "maxima up to t₂ = 1, of L and E over the largest moment of inertia. Lines: half of the bodies "
+        f"stay below; bands: from 2.5 to 97.5 %, where at most 2.5 % are refused; {shares.LEAST_BODIES} "
+        "bodies or more at each St. Second order refuses bodies that cross L² = 2EI₂. Orientation: "
+        "second order, without resonances."
     )
-    save(bands(_panels(data), note), folder, "errors")
+    # Figures with times name the machine that they were measured on: this one has no times.
+    save(bands(_panels(data), note, _refusals(data)), folder, "errors")
     write_file(folder / "README.md", page(data, command, laws))
     return laws
 
@@ -446,22 +450,35 @@ def count_rows(data: Data) -> list[dict[str, Any]]:
 
 
 def _panels(data: Data) -> dict[str, list[Band]]:
-    """Bands of L and E by kind, crossing and not, and of the orientation by second order."""
+    """Bands of L and E by kind, crossing and not, and of the orientation by second order.
+
+    A kind whose bodies are all refused has none, and is left out of the orientation.
+    """
     runs = at(data, WHOLE)
     averaged = runs[runs["order"].isin(THEORY)]
-    panels: dict[str, list[Band]] = {}
-    for kind in kinds_in(averaged):
-        kind_runs = averaged[averaged["kind"] == kind]
-        if kind_runs["slow"].isna().all():
-            continue
-        panels[kind] = []
-        for (order, crosses), group in kind_runs.groupby(["order", "crosses"]):
-            panels[kind] += _band(group, "slow", str(order), bool(crosses))
+    panels: dict[str, list[Band]] = {kind: [] for kind in kinds_in(averaged)}
+    refused = _refusals(data)
+    averaged = averaged[~averaged["kind"].isin(refused)]
+    for (kind, order, crosses), group in averaged.groupby(["kind", "order", "crosses"]):
+        panels[str(kind)] += _band(group, "slow", str(order), bool(crosses))
     turned = averaged[(averaged["order"] == ORDER_TWO) & ~averaged["crosses"]]
     # The kicks of strong resonances spoil the orientation (`shares.exponents`).
     turned = turned[turned["kind"] != "resonance"]
-    panels["orientation, without resonances"] = _band(turned, "turned", ORDER_TWO, False)
+    panels[_ORIENTATION] = _band(turned, "turned", ORDER_TWO, False)
     return panels
+
+
+def _refusals(data: Data) -> dict[str, str]:
+    """Why averaging refuses all bodies of a kind, in words for its panel, by kind."""
+    runs = at(data, WHOLE)
+    averaged = runs[runs["order"].isin(THEORY)]
+    refusals = {}
+    for kind in kinds_in(averaged):
+        kind_runs = averaged[averaged["kind"] == kind]
+        if kind_runs["slow"].isna().all():
+            (reason, *_) = kind_runs["refused"].mode()
+            refusals[kind] = f"all refused: {reason}"
+    return refusals
 
 
 def _band(group: Frame, column: str, order: str, crosses: bool) -> list[Band]:

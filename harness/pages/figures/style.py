@@ -263,7 +263,8 @@ def caption(figure: Figure, text: str) -> None:
         # Positions are shares of the figure, which has become higher: panels keep their inches.
         _, height_now = figure.get_size_inches()
         for axes in figure.axes:
-            box = axes.get_position()
+            # Not the part that a fixed aspect leaves of it in the higher figure.
+            box = axes.get_position(original=True)
             from_below = box.y0 * height + height_now - height
             place = box.x0, from_below / height_now
             axes.set_position((*place, box.width, box.height * height / height_now))

@@ -41,7 +41,13 @@ from polhode.harness.averaging.shares import ORDER_ONE, ORDER_TWO, Quantile, at,
 from polhode.harness.cli import polhode
 from polhode.harness.common.machine import makers_of
 from polhode.harness.common.store import Store
-from polhode.harness.pages.averaging.random_bodies import as_text, page, write_page
+from polhode.harness.pages.averaging.random_bodies import (
+    _panels,
+    _refusals,
+    as_text,
+    page,
+    write_page,
+)
 from polhode.harness.references.errors import errors
 from polhode.harness.references.extended import ReferenceFailedError, reference_runs
 from polhode.models.catalogue import form as find_form
@@ -364,6 +370,21 @@ def test_data_come_back_and_the_page_follows_from_them(tmp_path: Path):
     assert json.loads((tmp_path / "laws.json").read_text(encoding="utf-8")) == laws_of(back)
     assert (tmp_path / "errors.png").stat().st_size > 10_000
     assert "Measured on 2026-05-04" in text
+
+
+def test_a_kind_that_is_refused_has_no_bands_and_spoils_no_other():
+    data = planted(lambda kind, body, stokes: (1 + body) / stokes, ("prolate", "rest"))
+    rest = data.errors["kind"] == "rest"
+    names = [f"{name}_{time:g}" for name in ("slow", "turned") for time in STUDIED_SLOW_TIMES]
+    data.errors.loc[rest, names] = nan
+    data.errors.loc[rest, "refused"] = "the start has L = 0"
+    assert _refusals(data) == {"rest": "all refused: the start has L = 0"}
+    panels = _panels(data)
+    assert [*panels] == ["prolate", "rest", "orientation (rad)"]
+    assert panels["rest"] == []
+    assert [band.order for band in panels["prolate"]] == [ORDER_ONE, ORDER_TWO]
+    (turned,) = panels["orientation (rad)"]
+    assert turned.high == pytest.approx([39 / stokes for stokes in STOKES])
 
 
 def test_a_study_goes_on_where_it_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

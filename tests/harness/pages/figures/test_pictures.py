@@ -130,6 +130,33 @@ def test_slopes_are_as_steep_as_they_are():
     assert {text.get_text() for text in first.texts} == {"1/St", "1/St²"}
 
 
+def test_bands_tell_orders_and_crossing_bodies_apart():
+    stokes = [1e2, 1e4, 1e6]
+    first, second = [1e-2, 1e-4, 1e-6], [1e-3, 1e-5, 1e-7]
+    # Too many bodies are refused at the smallest St.
+    broken = Band("second order", False, stokes, second, second, [np.inf, 1e-4, 1e-6])
+    crossing = Band("first order", True, stokes, first, first, first)
+    panels = {"any": [Band("first order", False, stokes, first, first, first), broken, crossing]}
+    figure = bands(panels | {"rest": []}, "Made here.", {"rest": "all refused: L = 0"})
+    figure.canvas.draw()
+    axes, refused, unused = figure.axes
+    assert [text.get_text() for text in refused.texts] == ["all refused: L = 0"]
+    assert not unused.get_visible()
+    places = [axes.get_position(original).bounds for original in (False, True)]
+    assert places[0] == pytest.approx(places[1]), "the panel fills its place"
+    once, hatched, crossed = axes.collections
+    assert [area.get_hatch() for area in (once, hatched, crossed)] == [None, "////", None]
+    assert once.get_facecolor().tolist() != crossed.get_facecolor().tolist()
+    # The edges of a band are unknown where one of them is; its line is not.
+    dashed = [line for line in axes.get_lines() if line.get_linestyle() == "--"]
+    known = [np.isfinite(line.get_ydata()).tolist() for line in dashed]
+    assert known == [[False, True, True], [False, True, True], [True, True, True]]
+    (legend,) = figure.legends
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert labels == ["first order", "second order", "first order, crossing L² = 2EI₂"]
+    assert [place for place in axes.get_xticks() if 10 <= place <= 1e8] == [1e2, 1e4, 1e6, 1e8]
+
+
 def test_each_prediction_is_drawn_from_the_errors_of_its_order_and_power():
     stokes = [1e2, 1e4]
     lines = [Line(2, 1, stokes, [1e-2, 1e-4]), Line(2, 2, stokes, [1e-5, 1e-9])]
