@@ -1,7 +1,7 @@
 """Events: the times at which a function of the solution passes zero, found between the rows.
 
-The function is first evaluated at looks, times between the rows of the solution. If its sign
-changes from one look to the next, SciPy's `brentq` finds the time.
+The function is first evaluated at looks: the times of the solution's rows, and times between them. If
+its sign changes from one look to the next, SciPy's `brentq` finds the time.
 """
 
 from collections.abc import Callable, Iterable
@@ -20,9 +20,9 @@ from polhode.models.theory.fixed_points import attractors
 # Looks, per step of the run on the average. An estimate: half as many miss pairs of passages that are
 # twice as far apart, twice as many take twice the time.
 _LOOKS_PER_STEP = 16
-# Looks between two rows at least, where rows are closer than steps. An estimate, as before.
+# Looks from one row to the next at least, where rows are closer than steps. An estimate, as before.
 _LOOKS_PER_ROW = 4
-# Looks in all: a state of ten numbers at each takes 80 MB.
+# Looks in all, but for rounding up (`_looks`): a state of ten numbers at each takes 80 MB.
 _MAX_LOOKS = 1_000_000
 # Relative tolerance of the time of an event: the least that SciPy's `brentq` takes.
 _RTOL = np.float64(4 * np.finfo(float).eps)
@@ -148,7 +148,10 @@ EVENTS = {event.name: event for event in (Event("separatrix", separatrix), _LZ, 
 
 
 def as_events(events: Iterable[EventLike] | EventLike) -> list[Event]:
-    """Events by name, as functions or as `Event`; raises ValueError if a name is unknown or stands there twice."""
+    """Events by name, as functions or as `Event`, all as `Event`.
+
+    Raises ValueError if a name is unknown or stands there twice, or if something is none of the three.
+    """
     accepted = []
     for event in (
         events if isinstance(events, Iterable) and not isinstance(events, str) else [events]
@@ -238,8 +241,8 @@ def with_events(solution: SceneSolution, events: Iterable[Event]) -> SceneSoluti
 def _looks(solution: Any) -> np.ndarray:
     """The solution's times and equispaced ones between each two of them; shape (k,).
 
-    The total follows from steps or rows, whichever asks for more, and has a limit, `_MAX_LOOKS`. Every
-    interval gets the same number.
+    The total follows from steps or rows, whichever asks for more, up to `_MAX_LOOKS`. It is rounded up, so
+    that every interval gets the same number.
     """
     rows = len(solution.times) - 1
     looks = max(_LOOKS_PER_ROW * rows, _LOOKS_PER_STEP * (solution.work.steps or rows))

@@ -74,9 +74,9 @@ Equations = Literal["full", "averaged", "hybrid"]
 class Ensemble:
     """Many starts of one shape and Stokes number; raises ValueError if a value is out of range.
 
-    The starts depend on `seed` and the block's index alone: neither on shape and St nor on who runs
-    what. A particle has arrived when its L and E, over the largest moment of inertia, stay close to the
-    motion on an attractor: within `radius` of it up to the end.
+    Orientations and directions of the starts depend on `seed` and the block's index alone: neither on
+    shape and St nor on who runs what. A particle has arrived when its L and E, over the largest moment of
+    inertia, stay close to the motion on an attractor: within `radius` of it up to the end.
     """
 
     ellipsoid: Ellipsoid
@@ -359,7 +359,7 @@ class Ensemble:
         at_once = 1 if self.along_tracks else max(1, _MAX_STATES_OBSERVED // samples)
         for first in range(0, n, at_once):
             part = slice(first, first + at_once)
-            # Component by component in memory, which NumPy's sums over components need.
+            # Component by component in memory: NumPy sums over components faster so.
             columns = np.moveaxis(states[part], 2, 0).reshape(d, -1)
             if self.along_tracks:
                 scene = replace(scene, flow=self.flow_of(int(numbers[first])))

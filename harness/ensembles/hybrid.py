@@ -47,8 +47,8 @@ POOL = 4096
 # Requested error over the one requested of the runs of form `hybrid` that judge averaging. An estimate: errors of
 # these runs shift the judgement by a tenth of the requested error at most.
 _JUDGED_OVER_JUDGE = 10
-# The pool runs both ways at the ranks s³ for n equispaced shares s. An estimate: a larger power chooses more
-# particles of small |L|.
+# Those of the pool run both ways whose ranks by |L|, over its size, are s³ for equispaced s. An estimate: a
+# larger power chooses more particles of small |L|.
 _RANK_POWER = 3
 # Largest requested error of the whole state, over its size: beyond it steps lose all digits. An estimate.
 _MAX_WHOLE = 0.1
@@ -144,7 +144,7 @@ def run_hybrid(
     least: float,
     random: np.random.Generator,
 ) -> tuple[Array, Array]:
-    """States of the full equations, shape (m, n, d), NaN from where one failed, and statuses.
+    """States of the full equations, shape (m, n, d), NaN where a particle failed, and statuses, shape (n,).
 
     `times`, shape (m,), must be evenly spaced from 0. `least_momentum` makes `least`. Phases are drawn from
     `random`. All particles are averaged first; particles of small |L|, and failed ones, run anew.
@@ -180,7 +180,10 @@ def run_hybrid(
 
 
 def run_full(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
-    """States of the full equations, shape (m, n, d), and statuses, for an error of L and E of `tolerance`."""
+    """States of the full equations, shape (m, n, d), and statuses, shape (n,).
+
+    `tolerance` is the error of L and E over I_max that they are meant to keep.
+    """
     problem = find_form(full_form(scene)).problem(scene)
     whole = min(_MAX_WHOLE, _WHOLE_OVER_SLOW * tolerance)
     # Without llvmlite no equal steps are compiled. `TAYLOR` makes the error of a whole run a tolerance of a step.

@@ -28,7 +28,10 @@ _SQUARES = [FOURTH.index(tuple(sorted((*pair, *pair)))) for pair in SECOND]
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value with the ends of its 95 % confidence interval; None is beyond the end of the run."""
+    """A value with the ends of its confidence interval, of the coverage `COVERAGE`.
+
+    None stands for a time beyond the end of the run, and for what no particle tells.
+    """
 
     value: float | None
     low: float | None
@@ -158,7 +161,7 @@ def distribution_rows(ensemble: Ensemble, statistics: Statistics) -> Iterator[di
 
 
 def arrival_rows(ensemble: Ensemble, statistics: Statistics) -> Iterator[dict[str, object]]:
-    """Fraction arrived at each attractor, one row per sample.
+    """Fraction arrived at each attractor, one row per attractor and sample.
 
     An attractor's name is its `rotation`, the body axis along the vorticity.
     """

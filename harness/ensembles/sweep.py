@@ -1,4 +1,4 @@
-"""Sweeps: a grid of shapes × Stokes numbers × starts, as data, run into a store by any engine.
+"""Sweeps: a grid of shapes × Stokes numbers, as data, run into a store by any engine.
 
 A pair of shape and St is an `Ensemble`, its particles come in blocks, and a block is a `Task`. The store
 has a record for each task, so that an interrupted sweep goes on. `docs/scaling.md` has the file's keys.
@@ -201,7 +201,10 @@ def read_sweep(path: Path | None) -> Sweep:
 
 
 def parse_sweep(contents: dict[str, Any], folder: Path = Path()) -> Sweep:
-    """Make a sweep of the contents of a sweep file, in a folder; raises ValueError as `checked` does."""
+    """Make a sweep of the contents of a sweep file; the paths in it are relative to `folder`.
+
+    Raises ValueError as `checked` does, and if a shape with its St stands there twice.
+    """
     table = checked(SweepTable, contents)
     flows = table.flow.flows(folder) if table.flow else {}
     grid = product(table.shapes, table.stokes)

@@ -43,7 +43,7 @@ SETTINGS = SimpleNamespace(
 SHAPES = {"1 : 0.8 : 0.5": Ellipsoid((1.0, 0.8, 0.5)), "1 : 1 : 2": Ellipsoid((1.0, 1.0, 2.0))}
 # Starts of all ensembles: |L| over I_max is 0.7, an example, in any direction.
 _STARTS = Starts(motion="momentum-isotropic", angular_momentum=[0.0, 0.0, 0.7])
-# Seconds that the process may take whose memory is measured. An estimate: it takes minutes.
+# Seconds that the process may take whose memory is measured. An estimate, far above the seconds that it takes.
 _MEMORY_SECONDS = 3600.0
 # Particles of each measurement. Estimates: enough to fill all lanes (16 particles at most) many times, and few
 # enough that `polhode throughput` takes minutes.
@@ -64,7 +64,7 @@ _LOOSEST_TAYLOR = 10
 # Estimates: finer steps find a rate a few per cent higher.
 _TOLERANCES_PER_DECADE = 8
 _TOLERANCES = 48
-# Long runs: times at which errors are looked at, and t₂ at the end, as in the scenes of `polhode bench`.
+# Long runs: times at which errors are looked at, and t₂ = t/St at the end, as in the scenes of `polhode bench`.
 _LONG_SAMPLES = 51  # An estimate: errors are maxima over them.
 _LONG_SLOW_TIME = 0.5
 # The requested error of long runs over the one of the full equations, which stand for the exact ones. An estimate:
@@ -204,9 +204,9 @@ def _below(largest: float) -> list[float]:
 def long_runs(
     particles: int = _PARTICLES, known: int = SETTINGS.long_known
 ) -> Iterator[dict[str, Any]]:
-    """Averaged and hybrid equations at St = 10⁶ to t₂ = 0.5: particles per second, and errors in L and E of some.
+    """Averaged and hybrid equations of long runs at large St: particles per second, and errors in L and E of some.
 
-    `known` particles run by full equations too, which gives their errors. t₂ is the time over St.
+    `known` particles run by full equations too, which gives their errors.
     """
     shape = SHAPES["1 : 0.8 : 0.5"]
     samples = _LONG_SAMPLES
@@ -248,6 +248,7 @@ def long_runs(
             "within": float(np.mean(errors <= SETTINGS.long_error)),
             "median_error": float(np.median(errors)),
             "error": float(errors.max()),
+            # Of the `known` particles, compilation and the choice of what is averaged included.
             "plan_seconds": spent,
         }
 
@@ -319,7 +320,7 @@ def _run_all(ensemble: Ensemble) -> int:
 
 
 def overhead() -> Iterator[dict[str, Any]]:
-    """Time that engines add to tasks of a second, over their time, without the start of processes."""
+    """Time that engines add to tasks of `task_seconds`, over that time, without the start of processes."""
     for name, engine in (("serial", serial), ("one process", partial(processes, 1))):
         # The time from the first task's end on: the first one starts the process.
         arrivals = [perf_counter() for _ in engine(_busy, range(SETTINGS.tasks + 1))]

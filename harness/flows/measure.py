@@ -42,7 +42,7 @@ START = EulerStart((1.1, 0.4, 0.3), (1.0, 1.0, -1.0))
 _STATES = 10_000
 _SHAPES = 100
 _QUICK_SHAPES = 5  # With `quick`.
-# Least and largest decade of random semi-axes, over any one length, and of random St.
+# Least and largest decade of random semi-axes, over any one length, and of random St. Estimates.
 _AXIS_DECADES = (-1, 0)
 _STOKES_DECADES = (-1, 3)
 # Seeds of the states, of the random scenes and of the errors requested of these; any numbers.
@@ -116,8 +116,8 @@ _RUN_ROWS = 11  # Compared times; an estimate.
 _RUN_TIME = 30.0  # Longest duration, in inverse shear rates; an estimate.
 # Least and largest duration over the longest one.
 _RUN_TIMES = (0.2, 1.0)
-# Decades of the damping rate max(8πX/I)/St, in shear rates. It is 3 at most: explicit steps in long double stay
-# stable.
+# Decades of the damping rate max(8πX/I)/St, in shear rates. It is 3.2 at most: explicit steps in long double
+# stay stable.
 _RUN_DAMPING_DECADES = (-2, 0.5)
 # θ₀ in rad: it keeps away from 0 and π, where Euler angles are singular.
 _RUN_THETAS = (0.3, 2.8)
@@ -129,7 +129,7 @@ _RUN_ERROR_DECADES = (-9, -3)
 
 
 def random_gradient(random: np.random.Generator) -> Any:
-    """A gradient of trace zero: entries have the variance 1/3 before the trace is taken out."""
+    """A gradient of trace zero, shape (3, 3): entries have the variance 1/3 before the trace is taken out."""
     gradient = random.normal(size=(3, 3)) / sqrt(3)
     return gradient - np.eye(3) * np.trace(gradient) / 3
 
@@ -256,7 +256,7 @@ def _run(scene: Scene, events: Sequence[Event] = ()) -> Any:
 
 
 def _measured_period(scene: Scene) -> float:
-    """Twice the time between passages of the axis through the plane x = 0, in either sense.
+    """The time from the first to the third passage of the axis through the plane x = 0, in either sense.
 
     `rotation[:, 2, 0]` is x of the third body axis, which is the symmetry axis.
     """
@@ -266,7 +266,7 @@ def _measured_period(scene: Scene) -> float:
 
 
 def _not_closed(scene: Scene, theory: float) -> float:
-    """Largest difference of the symmetry axis after a period from the start."""
+    """Largest difference of a component of the symmetry axis after a period from the one at the start."""
     end = _run(replace(scene, time=theory)).rotation[-1, 2]
     return float(np.max(np.abs(end - scene.initial_rotation[2])))
 
@@ -441,7 +441,7 @@ def _gradients(scenes: list[Scene]) -> Callable[[np.ndarray, int], np.ndarray]:
     widths = np.array([scene.time for scene in scenes], dtype=np.longdouble) / _RUN_KNOTS
 
     def gradient(time: np.ndarray, step: int) -> np.ndarray:
-        # The number of the last knot before the step.
+        # The number of the last knot that is not after the start of the step.
         knot = step * _RUN_KNOTS // _RUN_STEPS
         since = (time - knot * widths)[:, None, None]
         c = cubics[:, knot]
@@ -451,10 +451,10 @@ def _gradients(scenes: list[Scene]) -> Callable[[np.ndarray, int], np.ndarray]:
 
 
 def stated(quick: bool = False) -> Iterator[Record]:
-    """Errors of random runs against long double, and the upper ends that the runs state, row by row.
+    """Errors of random runs against long double, and the upper ends that the runs state: a row for each run.
 
     "slow" is of L and E over I_max, "angle" of the orientation in rad; "slow_high" and "angle_high" are the
-    upper ends. A run that failed has inf everywhere.
+    upper ends. A run that failed has inf in all four.
     """
     named_scenes = random_scenes(_QUICK_RUNS if quick else _RUNS)
     scenes = [scene for _, scene in named_scenes]
@@ -493,7 +493,7 @@ TABLES: dict[str, Callable[[bool], Iterator[Record]]] = {
 
 
 def measure_all(*, quick: bool = False, quiet: bool = False) -> dict[str, list[Record]]:
-    """All tables of the page; with `quick` a few rows of each."""
+    """All tables of the page by name; with `quick` each takes less work: fewer or shorter runs, or fewer states."""
     tables = {}
     with Steps("flows", len(TABLES), "tables", quiet) as progress:
         for name, rows in TABLES.items():

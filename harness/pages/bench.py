@@ -102,7 +102,7 @@ def distances(runs: pd.DataFrame) -> list[list[str]]:
     """How far each method of a scene is from the fastest one, the nearest first: rows of `_DISTANCES`.
 
     A method counts at the errors that it reaches, of those that some method reaches. One that reaches none
-    has a row of dashes.
+    has dashes in place of the factors.
     """
     seconds = times(runs)
     if seconds.empty:

@@ -48,9 +48,8 @@ _ENSEMBLES = "ensembles.json"
 _DRAWN = ("moments.csv", "slow.csv", "distributions.csv", "arrivals.csv")
 # Large sweeps whose cost the page predicts.
 _PLANS = tomllib.loads(Path(__file__).with_name("plans.toml").read_text(encoding="utf-8"))["plans"]
-# Particles of one task of such a sweep, which a sweep file sets as `block`: as many as `throughput`
-# measures the memory of, 700 MB of a process (reports/sweep/throughput.json). With half as many there are
-# twice as many tasks and mebibytes in the store, in the same hours.
+# Particles of one task of such a sweep, which a sweep file sets as `block`. A choice: with half as many there
+# are twice as many tasks and mebibytes in the store, in the same hours.
 _BLOCK = 100_000
 
 _BYTES_OF_MIB = 2**20

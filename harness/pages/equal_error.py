@@ -177,7 +177,7 @@ def _worth(times: Any) -> tuple[list[str], str]:
     `costs`.
     """
     rows = []
-    # By library, for the places that it reaches: the time of its fastest method over the fastest of all.
+    # By library, for the places that it reaches: its least time over the least time of these libraries.
     behind = {name: [] for name in _ALONE}
     places = []
     for target in COMPARED_ERRORS:
@@ -213,8 +213,8 @@ def _finished(table: pd.DataFrame) -> Any:
 def _interpreter(table: pd.DataFrame) -> list[dict[Any, Any]]:
     """Times of an algorithm by the three back ends, and their ratios to the time of compiled code alone.
 
-    An algorithm has one name: the one of SciPy's method, which runs in Python and in Numba. CyRK's method, which
-    runs alone, is the same algorithm, and has "cyrk-" before that name.
+    An algorithm has one name. SciPy's method of that name runs by the back ends "python" and "numba". CyRK's
+    method, which runs alone, is the same algorithm, and has "cyrk-" before the name.
     """
     done = _finished(table)
     comparable = [*map(_comparable, done["solver"], done["backend"], done["jacobian"])]

@@ -1,7 +1,7 @@
 """The page of solvers that know St: how many times as fast as the fastest other one, and the ratios set as targets.
 
-`splitting`, `splitting-extended` and `stroboscopic` know St: they are made for large St. `docs/method.md` says
-how they work and where they are used.
+`splitting`, `splitting-extended` and `stroboscopic` know St: they are made for large St. The README says how
+they work, under "The physics".
 """
 
 import json

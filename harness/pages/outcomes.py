@@ -43,7 +43,7 @@ _LEFT_OUT = (
 )
 # A run with a larger error of L and E against the exact solution of its own form counts as inaccurate.
 # The unit is I_max, or the slow variables at the start if those are larger. An estimate: half or twice
-# the limit moves about 40 of the 4210 runs of reports/hard-cases to the other side.
+# the limit moves about 1 % of the runs of reports/hard-cases to the other side.
 INACCURATE = 1e-3
 # How a run may end: at its end, accurately, inaccurately, or with an error that no reference tells;
 # at a limit of time or steps; or with another failure.

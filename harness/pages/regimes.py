@@ -1,7 +1,7 @@
 """The page of the regime map, beside its pictures and data, from the records alone.
 
 The map says which method, a form by a solver, is the cheapest at each St and error. A cell is one St
-and error, a panel all cells of one scene and one kind of error (`polhode.harness.analysis.pareto`).
+and error, a panel all cells of one scene and one kind of error (`polhode.harness.analysis.regime_map`).
 """
 
 from collections import Counter
@@ -34,7 +34,7 @@ from polhode.harness.studies.study import Study
 _LONG = 5e4
 Maps = Mapping[tuple[str, str], Sequence[Cell]]
 """Cells by the scene's name and the column of the error, "slow_error" or "orientation_error"."""
-# Columns of `cells.csv`, after the fields of `Cell`. "error" is the kind of error, "target" its requested
+# Columns of `cells.csv`, made of the fields of `Cell`. "error" is the kind of error, "target" its requested
 # size, "known" whether the reference resolves it; "form" and "solver" are the winner's, "seconds" its time;
 # "lead" is the time of the second over that, "next" the second as "form, solver". "spread" is by how much
 # repeats vary, over their time, and "tie" whether the lead is no more than a tie (`Cell.tied`).

@@ -42,7 +42,7 @@ from polhode.solvers.contract import Status
 _ERRORS = (1e-4, 1e-6, 1e-8)
 # The error of the figure and of the table of forms: the middle one.
 _SHOWN_ERROR = 1e-6
-# Fields that the page does not read. The 1500 records beside it leave them out.
+# Fields that the page does not read. The records beside it leave them out.
 _LEFT_OUT = (
     "key",
     "errors",
@@ -343,9 +343,9 @@ def _form_cells(row: tuple[str, float, dict[str, Run]]) -> list[str]:
 
 
 def stopped(runs: Sequence[Run], tolerance: float) -> list[str]:
-    """Solvers that stop before the end of a run at a tolerance where another solver gets through, a line each.
+    """Runs at a tolerance that stop before their end where another solver or back end gets through, in lines.
 
-    Runs with an exact Jacobian count. A line has a solver, its back end, the places and the reason.
+    Runs with an exact Jacobian count. A line has a solver, its back end, the places and the reason that they share.
     """
     compared = [run for run in runs if run.tolerance == tolerance and run.jacobian == "exact"]
     # A place is a body, a St and a form.

@@ -56,7 +56,7 @@ RUNS = (AVERAGED, BLUE, ORANGE, VERMILLION, GREEN)
 BOUND = "0.55"  # Bounds of E in the L_z–E planes: a grey, from "0" for black to "1" for white.
 NODE = PURPLE  # Fixed points in the L_z–E planes.
 FIGURE_FORMATS = ("png", "svg")  # Endings of a figure's files; PNG is always written.
-# Settings of Matplotlib that only the paper's figures have, beside `RC` of all figures.
+# Settings of Matplotlib that only the paper's figures have, beside `RC`.
 _STYLE: dict[Any, Any] = {
     "axes.grid": True,
     "axes.spines.top": False,

@@ -94,7 +94,7 @@ def findings(study: SecondOrderStudy) -> list[str]:
         for cost in study.cost
         if cost.form == "spheroid-axis" and cost.stokes == second_order.COMPARED
     ]
-    # How many times smaller than first order's errors are.
+    # First order's errors over those of second order.
     gains = {}
     for title, rows in passages.items():
         compared = [row for row in rows if row.stokes == _GAIN_AT and not row.refused]

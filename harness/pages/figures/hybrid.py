@@ -27,7 +27,7 @@ from polhode.harness.pages.figures.style import (
 
 _HEIGHT = 4.7  # Inches; chosen by eye.
 # Ends of the axis of the measured error over the allowed one. Smaller ratios stand at the left edge.
-# Larger ones are cut off: the largest of reports/hybrid is 10.5. Chosen by eye.
+# Larger ones are cut off: reports/hybrid has none. Chosen by eye.
 _LEAST_RATIO = 1e-3
 _LARGEST_RATIO = 30.0
 # Left end of the axis of gains, unless one is smaller: the line at 1 then stands off the edge.
@@ -84,7 +84,7 @@ def errors_and_speed(runs: Any, speeds: Any, note: str = "") -> Figure:
 
 
 def _errors(axes: Axes, runs: Any, shades: dict[float, str]) -> None:
-    """Share of the runs against the largest ratio of the measured error to the allowed one, by St.
+    """Share of the runs whose measured error over the allowed one is at most the value on the axis, by St.
 
     Allowed is the requested error or, if it is larger, the reference's uncertainty. A failed run has no ratio and
     counts among the runs: its line ends below 100 %.
@@ -93,7 +93,7 @@ def _errors(axes: Axes, runs: Any, shades: dict[float, str]) -> None:
         allowed = stokes_runs[["error", "uncertainty"]].max(axis=1)
         ratios = np.sort((stokes_runs["slow"] / allowed).dropna().to_numpy(float))
         shares = np.arange(1, len(ratios) + 1) / len(stokes_runs)
-        # A run without an error stands at the left edge too: 0 has no place on a logarithmic axis.
+        # A run whose error is 0 stands at the left edge too: 0 has no place on a logarithmic axis.
         ratios = np.maximum(ratios, _LEAST_RATIO)
         shade = shades[float(str(stokes))]
         axes.step(ratios, shares, where="post", color=shade, linewidth=_LINE_WIDTH)

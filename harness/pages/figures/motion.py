@@ -28,7 +28,7 @@ _LIGHT_FROM_ONE_SIDE = 0.75
 # Faces of the body's surface along a meridian and along a parallel: 5 degrees each, smooth at its size.
 _PARALLELS = 36
 _MERIDIANS = 72
-# Share of the parallels that the coloured caps take at each end of the longest axis.
+# Share of the faces along a meridian that the coloured caps take at each end of the longest axis, rounded up.
 _CAP = 0.14
 # Colours of the surface, as shares of red, green and blue: the halves show the spin, the caps the axis.
 _ONE_HALF = (0.47, 0.65, 0.80)
@@ -79,7 +79,7 @@ def slow_variables(
 def tumbling(solution: SceneSolution) -> Figure:
     """One picture for each sample of a solution that knows the orientation, from left to right.
 
-    Between arrows of the flow at that time stands the body; its time is in inverse shear rates.
+    Between arrows of the flow at that time stands the body; the title has the time in inverse shear rates.
     """
     count = len(solution.times)
     drawing, row = plt.subplots(1, count, figsize=(_SIDE * count, _SIDE), squeeze=False)
@@ -101,7 +101,7 @@ def tumbling(solution: SceneSolution) -> Figure:
 
 
 def off_plane(flow: Flow, times: np.ndarray) -> bool:
-    """Whether the gradient along z, of which `body` draws nothing, is not zero at all times."""
+    """Whether the gradient along z, of which `body` draws nothing, differs from zero at one of the times."""
     return any(np.any(np.asarray(flow.gradient_at(float(time)))[:, 2]) for time in times)
 
 

@@ -50,7 +50,7 @@ _CAPTION_LINE = 0.175  # Inches: the room for a line.
 _CAPTION_LETTERS = 82  # In a line at most: so many fit into the width at that size.
 _CAPTION_BELOW = 0.04  # Inches below the text.
 _CAPTION_MARGIN = 0.08  # Inches above and below it together.
-# Matplotlib's settings for all figures.
+# Matplotlib's settings for figures of `panels`, and for those of the paper (`harness/paper/drawing.py`).
 RC: dict[Any, Any] = {
     "font.size": LETTERS,
     "axes.titlesize": TITLE,
@@ -84,8 +84,8 @@ LOOKS: dict[str, tuple[str, str, Any]] = {
 # ground), and take these markers in turn.
 OTHER = ("#6B3F1D", "#C8A27E")
 _OTHER_MARKERS = ("X", (5, 1, 180), (3, 1, 0), (7, 1, 0))
-# Series that are neither solvers nor ordered numbers, with INK as the first one: any two differ by 10
-# or more in CIEDE2000 for all eyes, with a contrast of 3 or more on white, which test_style.py checks.
+# Series that are neither solvers nor ordered numbers; INK is one of them. Any two differ by 10 or
+# more in CIEDE2000 for all eyes, with a contrast of 3 or more on white, which test_style.py checks.
 BLUE = "#204E8B"
 ORANGE = "#B08903"
 GREEN = "#0E7444"
@@ -153,7 +153,10 @@ def both_colours(name: str) -> str:
 
 
 def ramp(count: int) -> list[str]:
-    """`count` colours of one hue, from light to dark; more than the ramp's five repeat some."""
+    """`count` colours of one hue, from light to dark; a count above `_RAMP`'s repeats some.
+
+    A count below 2 gives the middle one alone.
+    """
     if count < 2:
         return [_RAMP[len(_RAMP) // 2]]
     places = np.linspace(0, len(_RAMP) - 1, count).round().astype(int)

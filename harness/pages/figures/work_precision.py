@@ -1,9 +1,9 @@
 """Figures of runs: cost against error, on axes that are given back; who is robust or fast, as profiles.
 
-`work_precision` draws one panel on given axes, `panels` a whole figure of them. There errors fall to
-the right, so that better runs are lower and further right. `profiles` reads a table of seconds, and
-`heat_map` one of their ratios: a row for each problem, a column for each method. Looks and sizes without
-a reason are chosen by eye (`style`).
+`work_precision` draws one panel on given axes, `panels` a whole figure of them. In `panels` errors fall
+to the right, so that better runs are lower and further right. `profiles` reads a table of seconds, and
+`heat_map` one of their ratios: a row for each problem, a column for each method. Looks, sizes and
+limits without a reason are chosen by eye (`style`).
 
 A problem of the profiles is a scene, a Stokes number and an error to be reached. E. D. Dolan and J.
 J. Moré, Benchmarking optimization software with performance profiles, Math. Program. 91 (2002);
@@ -73,9 +73,9 @@ NO_RESULT = ": no result"
 LARGEST_ERROR = 10.0
 # Dashes of a solver's lines: one for each full form, where a scene is solved in several.
 _DASHES = ("-", "--", ":", "-.")
-# Decades beyond a power of ten by which a value counts as beyond it, so that its marker is not cut.
+# A value closer than this to a power of ten, in decades, counts as beyond it: its marker is not cut.
 _MARKER_ROOM = 0.02
-# Powers of ten of an axis that stand beside each other: of more every other one is written.
+# Decades of the error up to which each power of ten is written; of more decades every other one.
 _MAX_WRITTEN_DECADES = 7
 # A panel lower than a decade of the time is extended by this factor at both ends, to most of a decade or
 # more, so that a power of ten mostly stands on its axis. By eye.
@@ -105,7 +105,7 @@ _BEHIND_NAME = "nowhere on the front"
 # Factors over the time of the fastest method; both are choices.
 _LARGEST_FACTOR = 1000.0  # The figure ends here.
 _NEAR = 2.0  # The sentence names the method that stays most often within this factor.
-# Share of the problems whose ratios the sentence bounds for the surest method.
+# Share of the problems that the surest method solves whose ratios the sentence bounds.
 _NINE_IN_TEN = 0.9
 _PROFILES_HEIGHT = 4.6  # Inches of the figure of profiles.
 # The axis of seconds of the profiles goes beyond the least and the largest time by this factor.
@@ -269,7 +269,10 @@ def _grey_out(axes: Axes, runs: pd.DataFrame, error: str, marker: Any, size: flo
 
 
 def _without_result(axes: Axes, runs: pd.DataFrame) -> None:
-    """A hollow marker above the upper edge for each run without a result, at its tolerance, side by side."""
+    """A hollow marker above the upper edge for each solver and tolerance with a run that has no result.
+
+    It stands at the tolerance; markers of one tolerance stand side by side.
+    """
     figure: Any = axes.figure
     failed: Any = where(runs, runs["status"] != Status.REACHED_END)
     places = failed["tolerance"].astype(float)
@@ -427,7 +430,11 @@ def _write_name(axes: Axes, name: _LineName, height: float) -> None:
 def work_precision_panels(
     records: pd.DataFrame, error: str, label: str, *, scene: str = "", note: str = ""
 ) -> Figure:
-    """One panel of `work_precision` per St, on the same axes; `note` stands below them."""
+    """One panel of `work_precision` per St, on the same axes.
+
+    `error` is the column to draw, `label` its name on the axis. `scene` begins each title; `note` stands
+    below the panels.
+    """
     before = f"{scene}, " if scene else ""
     groups = [(f"{before}St = {power(stokes)}", runs) for stokes, runs in by_stokes(records)]
     return panels(groups, error, label, note=note)
@@ -491,7 +498,7 @@ def _draw_panel(
     """Draw runs into a panel whose height has room for `time_decades`, with a power of ten at each tick."""
     axes.set_xlim(10.0**ends.most_error, 10.0**ends.least_error)
     work_precision(axes, runs, error)
-    # A panel that is lower than its names is filled up with empty decades.
+    # A panel of the least height is filled up with empty decades.
     most_time = max(ends.most_time, ends.least_time + time_decades)
     axes.set_ylim(10.0**ends.least_time, 10.0**most_time)
     step = 100.0 if ends.error_decades > _MAX_WRITTEN_DECADES else 10.0
@@ -623,7 +630,7 @@ def sentence(seconds: pd.DataFrame) -> str:
 def profiles(seconds: pd.DataFrame, note: str = "") -> Figure:
     """The share of problems solved within a factor of the fastest, and within a time; `note` stands below.
 
-    A curve rises by 1/n at each of n problems that the method solves, and ends at the share that it solves at all.
+    With n problems a curve rises by 1/n at each one that the method solves, up to the right end of the panel.
     """
     figure = plt.figure(figsize=(WIDTH, _PROFILES_HEIGHT))
     grid = [figure.add_subplot(2, 1, place) for place in (1, 2)]
