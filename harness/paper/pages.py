@@ -20,7 +20,7 @@ from polhode.harness.paper import store
 from polhode.harness.paper.item import Grid, Item, Number, Section, Word
 
 # Verdicts in the order of the index: first those that contradict the paper.
-_FIRST_WORDS = (
+_INDEX_ORDER = (
     Word.NOT_CONFIRMED,
     Word.CORRECTED,
     Word.UNDECIDED,
@@ -28,7 +28,7 @@ _FIRST_WORDS = (
     Word.SHARPENED,
     Word.MEASURED,
 )
-# Significant digits of a value without an interval.
+# Significant digits of a value without an interval: a choice, enough to compare it with its range.
 _DIGITS = 4
 # Unit of the last digit of a value of 0 or infinity, which has no digits to count. Any small one
 # will do.
@@ -198,12 +198,12 @@ def _remarks(judged: Mapping[str, store.Judgement]) -> str:
 
 
 def _by_verdict(rows: Sequence[list[str]]) -> list[list[str]]:
-    """Rows of the index, whose first cell is the verdict, in the order of `_FIRST_WORDS`.
+    """Rows of the index, whose first cell is the verdict, in the order of `_INDEX_ORDER`.
 
     Rows without a verdict, which say why there is none, come last. Rows of one verdict stay in the
     paper's order.
     """
-    verdicts = [str(word) for word in _FIRST_WORDS]
+    verdicts = [str(word) for word in _INDEX_ORDER]
     reasons = {row[0] for row in rows} - set(verdicts)
     order = [*verdicts, *sorted(reasons)]
     return sorted(rows, key=lambda row: order.index(row[0]))

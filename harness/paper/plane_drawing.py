@@ -2,7 +2,7 @@
 
 `draw_frame` draws what a plane has without trajectories; `name_points` and `name_lines` put that
 into the legend of one of a figure's planes. L_z and E are over I_max. No item's data depend on this
-module.
+module. Widths of lines are in points, by eye. A thing of larger `zorder` lies above others.
 """
 
 from collections.abc import Sequence

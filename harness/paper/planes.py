@@ -88,7 +88,10 @@ def place_of(ellipsoid: Ellipsoid, point: FixedPoint) -> tuple[float, float]:
 
 
 def fixed_point(ellipsoid: Ellipsoid, stability: Stability) -> tuple[float, float]:
-    """L_z and E, over I_max, of the first fixed point with this stability."""
+    """L_z and E, over I_max, of the first fixed point with this stability.
+
+    Raises StopIteration if the body has none.
+    """
     return next(
         place_of(ellipsoid, point)
         for point in fixed_points(ellipsoid)

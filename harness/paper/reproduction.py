@@ -21,8 +21,8 @@ from polhode.harness.paper.item import Data, Grid, Item
 from polhode.harness.paper.pages import write_pages
 
 # Variables that libraries of linear algebra read when they are loaded. In several processes at a
-# time, one thread each is 90 times as fast as their usual number, which wait for each other on the
-# same cores.
+# time, one thread each is far faster than their usual number, which wait for each other on the same
+# cores.
 _THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 

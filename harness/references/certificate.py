@@ -60,8 +60,8 @@ _ROUNDING = 1e-14
 _SHORTENED = 0.9
 # Largest 1/St that counts, so that products with it stay finite at St = 0.
 _LARGEST_RATE = 1e300
-# The body axis z'. Forms that take the symmetry axis, whichever it is, as their third one are compared after
-# it has been renamed z'; all others keep their names.
+# The body axis z', about which ψ of the Euler angles turns. Axes are renamed for these alone, so that each
+# axis can take the place of z'.
 _THIRD_AXIS = 2
 # Four ways to move the numbers of a start by an ulp, up and down. The rows are orthogonal: no direction of a
 # start of four numbers escapes all of them. A longer start repeats a row's signs.
@@ -70,7 +70,10 @@ _SIGNS = np.array([[1.0, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1
 
 @dataclass(frozen=True)
 class Certificate:
-    """Confirmation of a reference: the form and solver that solved its segments again."""
+    """Confirmation of a reference: the form and solver that solved its segments again.
+
+    A reference that two methods in double precision make has its whole run as one segment, and ratio 1.
+    """
 
     form: str
     solver: str
@@ -110,8 +113,8 @@ def certify(
     """Solve the segments of a reference's run again, forwards and backwards.
 
     `states` has the reference's states, shape (d,), by the times of `segments`. `problem` is what it solves.
-    Raises ReferenceFailedError if a segment disagrees by more than the other method's own error, or
-    too few can be tried.
+    Raises ReferenceFailedError if a ratio, forwards or backwards, is above 1, or if too few segments can be
+    tried.
     """
     opposite_form, solver = opposite(scene, form)
     observables = {time: observe(form, scene, state[None]) for time, state in states.items()}
@@ -156,9 +159,10 @@ def observe(form: Form, scene: Scene, states: np.ndarray) -> Observables:
 
 
 def opposite(scene: Scene, form: Form) -> tuple[str, str]:
-    """Names of another form and of a solver unrelated to Taylor's method.
+    """Names of the form and of the solver, unrelated to Taylor's method, that solve segments again.
 
-    Averaged forms have no second form: they keep their own.
+    The form is another one, with two exceptions. Averaged forms have no second form. At St = 0 `jeffery` is
+    solved by its closed form, where it has one, and by itself where IDA is missing.
     """
     if form.averaged:
         return form.name, first_available(*_UNRELATED)

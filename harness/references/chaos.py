@@ -70,6 +70,7 @@ class Growth:
 def growth(problem: Problem, intervals: int = _INTERVALS) -> Growth:
     """Growth along a solution in equal intervals, by the variational equations.
 
+    Without heyoka, or where the flow changes along a track, two neighbouring solutions stand in for them.
     v starts in a generic direction, cos 1, cos 2, …, of which no component vanishes, and is renormalised
     after each interval (Benettin et al., Meccanica 15 (1980) 9). Raises ValueError if an integration fails.
     """
@@ -98,10 +99,7 @@ def growth(problem: Problem, intervals: int = _INTERVALS) -> Growth:
 
 
 def _growth_of_neighbours(problem: Problem, intervals: int) -> Growth:
-    """Growth of the distance of two neighbouring solutions, brought back to `_NEIGHBOUR` after each interval.
-
-    It stands in where heyoka is missing, or where the flow changes along a track.
-    """
+    """Growth of the distance of two neighbouring solutions, brought back to `_NEIGHBOUR` after each interval."""
     times = np.linspace(0.0, problem.end, intervals + 1)
     method = first_available("cyrk-vern8", "dop853")
     state = np.array(problem.start)

@@ -24,7 +24,7 @@ _SPLIT_LIMIT = 0.3
 _LARGEST_TURN = 0.5
 # Largest difference between the residuals by all samples and by half of them, as a share of the residual.
 _RESOLVED = 0.2
-# The same that rounding makes, of energies over I_max.
+# Part of that difference, over I_max, that rounding makes.
 _ROUNDING = 1e-13
 # Smallest number of intervals of which every second sample still carries a spline. An estimate.
 _LEAST_INTERVALS = 16
@@ -115,10 +115,10 @@ def phase_and_shape(
 
     The first one, the phase, is positive where the solution is ahead. The second one is a size.
     """
-    # To first order the difference is a rotation vector δ in space axes, t_found = t_reference(1 + [δ]×):
-    # `offset`. Its part δ·ω/|ω| lies along the motion. For a spheroid `offset` is the difference of the
-    # symmetry axes, and `velocity` has the direction of the axis' velocity. At rest the whole difference is
-    # shape.
+    # To first order the difference is a rotation vector δ in space axes, t_found = t_reference(1 - [δ]×),
+    # where [δ]× v = δ × v: `offset`. Its part δ·ω/|ω| lies along the motion. For a spheroid `offset` is the
+    # difference of the symmetry axes, and `velocity` has the direction of the axis' velocity. At rest the
+    # whole difference is shape.
     if ellipsoid.kind == "triaxial":
         product = np.einsum(
             "nij,nik->njk", reference.rotation, found.rotation - reference.rotation
@@ -137,12 +137,12 @@ def phase_and_shape(
 
 
 def magnitude(ellipsoid: Ellipsoid, observables: Observables) -> float:
-    """The largest |L|, E over I_max."""
+    """The largest of |L_x|, |L_y|, |L_z| and E over I_max."""
     return float(np.max(np.abs(observables.slow))) / max(ellipsoid.inertia)
 
 
 def attainable(ellipsoid: Ellipsoid, observables: Observables) -> float:
-    """Smallest error of L and E that double precision can hold: eps times the largest |L|, E over I_max."""
+    """Smallest error of L and E over I_max that double precision can hold: eps times their `magnitude`."""
     return float(np.finfo(float).eps) * magnitude(ellipsoid, observables)
 
 

@@ -55,25 +55,26 @@ _TWO_MOVED_UP_TO_COST = 2e5
 # Length of Taylor's interval of stability on the negative real axis: 9.2 at order 21, of tolerance 1e-17, 9.9 at
 # order 23, of 1e-19. The number is on the safe side.
 _STABLE = 8.0
-# Angular velocity, in shear rates, up to which T alone tells the cost; an estimate.
+# Angular velocity, in shear rates, up to which the scene's time alone tells the cost; an estimate.
 _ORDINARY = 3.0
-# Up to this St a run of any duration has extended precision. Above it runs may be so long that they would take
-# hours. There runs longer than `EXTENDED_TIME`, in inverse shear rates, are known in double precision alone,
-# and those beyond `_HORIZON` not at all. All three are estimates, which bound the time that a reference takes.
+# Up to this St a run of any duration has extended precision, if its seconds are not limited. Above it runs may
+# be so long that they would take hours. There runs longer than `EXTENDED_TIME`, in inverse shear rates, are
+# known by `_compared` alone, and those beyond `_HORIZON` not at all. All three are estimates, which bound the
+# time that a reference takes.
 EXTENDED_UP_TO_STOKES = 1e6
 EXTENDED_TIME = 5e6
 _HORIZON = 5e7
 # Seeds of the moved runs: each number of start and parameters moves by half an ulp, up or down.
 _ROUNDING_SEEDS = (1, 2)
 # Distance from which on a reference is examined for chaos: of moved runs, or of two unlike methods. Its unit is
-# rad, or for L and E the largest of I_max, |L| and E. An estimate.
+# rad, or for L and E the largest of I_max, E and the components of L. An estimate.
 _SUSPICIOUS = 1e-9
 # Up to the first number of rotations a run in limited time has extended precision. Up to the second one it is
-# known by two methods in double precision, beyond it not at all. Both are estimates, which bound the time.
+# known by `_compared`, beyond it not at all. Both are estimates, which bound the time.
 EXTENDED_UP_TO_ROTATIONS = 2e4
 MOST_ROTATIONS = 2e5
-# Solver and tolerance of the first method in double precision, whose solution is the reference: for spheroids and
-# other shapes. The tolerances, here and below, are estimates near rounding.
+# Solver and tolerance of the first method of `_compared`, whose solution is the reference: for spheroids and spheres,
+# and for other shapes. The tolerances, here and below, are estimates near rounding.
 _SPHEROIDS = ("splitting-extended", 1e-13)
 _OTHERS = ("taylor", 1e-15)
 # Solver and tolerance of the second method, which the reference is compared with.
@@ -86,7 +87,7 @@ _AGAINST_WITHOUT = ("dop853", 1e-13)
 _FURTHER = ("taylor", 1e-16)
 _ALIKE = 3.0
 # Difference of L and E, over I_max, from which on two methods do not confirm each other. Without heyoka it is
-# over the largest of I_max, |L| and E. An estimate.
+# over the largest of I_max, E and the components of L. An estimate.
 APART = 1e-4
 # Most intervals in which the growth of small differences is followed; an estimate.
 _MOST_INTERVALS = 2000
@@ -104,8 +105,8 @@ _CERTIFICATES = 2
 class Reference:
     """Observables of a form's exact solution, how well they are known, and what confirmed them.
 
-    Uncertainties are those over the meaningful samples, and not less than the spread from half an
-    ulp in start and parameters.
+    Uncertainties are those over the meaningful samples. In extended precision they are not less than the
+    spread from half an ulp in start and parameters.
     """
 
     form: str
@@ -122,7 +123,7 @@ class Reference:
 
     @property
     def meaningful_until(self) -> float | None:
-        """Time, in the form's own time, from which on errors of trajectories are meaningless; None if never."""
+        """Last time, in the form's own time, at which errors of trajectories mean anything; None if at all times."""
         return (
             None if self.meaningful == len(self.times) else float(self.times[self.meaningful - 1])
         )
@@ -133,9 +134,8 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
 
     Taylor runs in extended precision, from the very parameters in double precision that the
     contestants receive. A full form gives the reference of all full forms; an averaged one its own
-    exact solution. Long runs, within limited seconds or above St = 1e6, are known in double precision
-    alone, by methods that confirm each other. So are all runs where heyoka, which brings extended
-    precision, is missing.
+    exact solution. Long runs, within limited seconds or above St = 1e6, are known by two methods that
+    confirm each other. So are all runs where heyoka, which brings extended precision, is missing.
 
     Parameters
     ----------
@@ -151,8 +151,8 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
     Raises
     ------
     ReferenceFailedError
-        If a run does not reach its end in that time, is contradicted by its certificate, or is beyond
-        the horizon.
+        If a run does not reach its end in that time, is contradicted by its certificate or by a second
+        method, or has too long a time or too many rotations.
     """
     shape = find_form(form) if isinstance(form, str) else form
     long = False
@@ -202,7 +202,8 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
     return _unpacked(shape, arrays)
 
 
-# Asked for every case of a scene, one after the other; some scenes take a quarter of a second.
+# Asked for every case of a scene, one after the other; some scenes take a quarter of a second. Ten scenes are
+# kept, an estimate.
 _rotations = lru_cache(maxsize=10)(rotations)
 
 
@@ -284,7 +285,7 @@ def _compute(
 
 
 def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
-    """Reference of a scene's full equations by methods in double precision.
+    """Reference of a scene's full equations where extended precision would take too long.
 
     The first method's solution is the reference. The second method must agree with it.
     """
@@ -441,7 +442,7 @@ def _rounded_otherwise(problem: Problem, seed: int) -> Problem:
 def _key(problem: Problem, samples: int, long: bool = False, axes: tuple[float, ...] = ()) -> str:
     """Hash of all that a cached reference depends on; `axes` has the semi-axes of an averaged form's body.
 
-    `long` is whether methods in double precision make the reference.
+    `long` is whether `_compared` makes the reference.
     """
     extended = (
         _QUADRUPLE,

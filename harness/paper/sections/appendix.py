@@ -377,10 +377,14 @@ class FirstOrder(Experiment):
         )
 
     def _numbers(self, errors: Table, orders: Mapping[str, Estimate]) -> list[Number]:
-        """The gain by the correction, exponents, and the size of the corrected error."""
+        """The gain by the correction, exponents, and the size of the corrected error.
+
+        Widths of ranges about the orders of theory are estimates.
+        """
         first_order = Range.near(-1.0, 0.1, "theory: first order")
         second_order = Range.near(-2.0, 0.1, "theory: second order")
-        # The first two axes of `spheroid` are equatorial: 8πY/I_e.
+        # The first two axes of `spheroid` are equatorial: 8πY/I_e, where Y is the resistance to
+        # rotation about such an axis, Y_c in the paper.
         damping = spheroid(_KAPPA).damping[0]
         return [
             Number(

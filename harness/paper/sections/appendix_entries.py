@@ -346,7 +346,10 @@ def _mean_third_mixed(t: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def _third_mixed_printed(n: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """The formula for these as printed: ε_ijk z_i, where the paper has its square and ε on the left."""
+    """The formula for these as printed: ε_ijk z_i.
+
+    The paper has ε_ijk beside the mean instead, and the square of ε_ijk beside z_i.
+    """
     return np.array([sign_of(i, j, k) * z[i] for i, j, k in _ROWS])
 
 

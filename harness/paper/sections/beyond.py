@@ -206,8 +206,8 @@ class AveragingOrder(Experiment):
     def _numbers(self, laws: "Laws") -> list[Number]:
         """Exponents, and how well the two laws fit.
 
-        Ranges of theory have a width, 0.1 to 0.2 in an exponent, for a few St and a finite number of
-        starts: an estimate.
+        Widths of ranges, 0.1 or 0.15 in an exponent, allow for a few St and a finite number of starts.
+        They are estimates.
         """
         low, high = laws.free.interval
         return [
@@ -439,7 +439,7 @@ def law(values: np.ndarray) -> np.ndarray:
     """Distribution function of -ln(2 sin πξ), ξ uniform, in units of its standard deviation.
 
     It is Neishtadt's law of the jump at a separatrix, of which `Jumps.sentence` names the source.
-    -ln(2 sin πξ) is no less than -ln 2, and at most x with probability 1 - (2/π) arcsin(e^-x/2).
+    -ln(2 sin πξ) is no less than -ln 2, and at most x with probability 1 - (2/π) arcsin(½ e^-x).
     """
     return 1 - 2 / np.pi * np.arcsin(np.exp(-np.maximum(SPREAD * values, -np.log(2))) / 2)
 
@@ -486,8 +486,9 @@ def scatter(part: Table) -> Scatter:
 class Jumps:
     """How deviations from averaging scatter after a crossing, against the law of the jump.
 
-    Scatters are over starts, and over I_max. Arrays have a value for each St. Distances are the
-    largest Kolmogorov and Smirnov between distribution functions, at the smallest St.
+    Scatters are over starts, and in units of I_max. Arrays have a value for each St. Distances are
+    Kolmogorov's and Smirnov's: the largest difference of two distribution functions. They are those
+    at the smallest St.
     """
 
     stokes: np.ndarray
@@ -532,7 +533,7 @@ class Jumps:
 
     @property
     def middle(self) -> str:
-        """The largest St up to which the scatter is of order 1/St, in words."""
+        """The largest St at which resonances are taken not to matter (`_MIDDLE_STOKES`), as text."""
         return in_two_digits(self.stokes[self.stokes <= _MIDDLE_STOKES][-1])
 
     def sentence(self) -> str:
@@ -724,9 +725,10 @@ _OFF_BY = 0.2
 
 
 def saddle_start(generator: np.random.Generator, spread: float) -> BodyStart:
-    """Longest axis along the vorticity and ω = -½ along it, both but for random deviations.
+    """Longest axis along +z or -z and ω = -½ ẑ, both but for random deviations.
 
-    `spread` is their standard deviation, in rad and in units of the shear rate.
+    z is the vorticity. `spread` is the standard deviation of the deviations, in rad and in units of
+    the shear rate.
     """
     # At θ = π/2 the longest axis x' lies along +z for ψ = π/2 and along -z for ψ = -π/2.
     phi = generator.uniform(0, 2 * pi)
@@ -932,9 +934,10 @@ def _flips(table: Table) -> dict[float, Estimate]:
     return flips
 
 
-_BASIN_STOKES = 1e3  # St of the runs of the map: as small as the paper calls averaging accurate.
-# Slow time after which the end of z' is taken: some twelve relaxation times, and longer than most
-# transients. An estimate.
+# St of the runs of the map: the smallest at which the paper calls the agreement good in the L_z–E
+# planes.
+_BASIN_STOKES = 1e3
+# Slow time after which the end of z' is taken: longer than most transients. An estimate.
 _BASIN_TIME = 0.6
 # Distance from the node, over I_max, at which a transient has ended: an estimate.
 _NEAR_NODE = 0.02
@@ -977,7 +980,8 @@ class Basins(Experiment):
         psis = (steps * 2 * pi / side - pi).tolist()
         for theta, psi in product(thetas, psis):
             start = EulerStart((theta, PAPER_START.angles[1], psi), PAPER_START.rates)
-            # The tolerance need only tell up from down, but for starts between the two.
+            # The tolerance may be loose: only the direction of z' at the end counts. Starts on the
+            # border between up and down may end wrongly.
             run = full_run(Scene(_ELLIPSOID, _BASIN_STOKES, start, times[-1]), times, 1e-9)
             yield "ends", {"theta": theta, "psi": psi, "z": run.observables.rotation[-1, 2, 2]}
 

@@ -72,8 +72,8 @@ _START_OFFSET = 0.03
 _LARGE = 800.0
 _LARGE_DIRECTION = (0.6, 0.0, 0.8)
 _LARGE_STOKES = 1e4
-# The modes in which a start is off the rotation, in the order of `eigenvalues`: L tilted to x or to
-# y, faster, wobbling.
+# The modes in which a start is off the rotation, in the order of `eigenvalues`: L tilted along x or
+# along y, faster, wobbling.
 _MODES = ("$L_x$", "$L_y$", "$L_z$", "wobble")
 _TILTED_TO_X = 0
 _FASTER = 2
@@ -88,7 +88,7 @@ def displaced(body: Ellipsoid, mode: int) -> BodyStart | EulerStart:
     if mode == _WOBBLE:
         # L stays -½ I₃ ẑ, and z' is tilted away from it.
         return aligned_start(body, -body.inertia[2] / 2, _START_OFFSET)
-    # z' = (sin θ sin φ, -sin θ cos φ, cos θ) is tilted to x by φ = π/2, and to y by φ = 0. Any ψ
+    # z' = (sin θ sin φ, -sin θ cos φ, cos θ) is tilted to +x by φ = π/2, and to -y by φ = 0. Any ψ
     # would do, as 0.3.
     tilt = 0.0 if mode == _FASTER else _START_OFFSET
     azimuth = pi / 2 if mode == _TILTED_TO_X else 0.0
@@ -152,9 +152,8 @@ def _rates(grid: Grid) -> Computed:
 def _from_large(grid: Grid) -> Computed:
     """From large L: squares of L along and across the axis, and the angle in rad by which L has turned.
 
-    The spheroids are an oblate and a prolate one. The number of rows, 401, is an estimate: enough for a smooth
-    curve. L is in
-    units of `Ellipsoid.inertia` and the shear rate.
+    The spheroids are an oblate and a prolate one. The number of rows, 401, is an estimate: enough for a
+    smooth curve. L is in units of `Ellipsoid.inertia` and the shear rate.
     """
     for kappa in (0.5, 2.0):
         body = spheroid(kappa)

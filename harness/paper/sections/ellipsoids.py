@@ -2,13 +2,13 @@
 
 The singular fixed point is the rotation about the middle axis, L_z = -I₂/2. "Local" is the solution
 next to it, by `polhode.models.theory.separatrix`. Its coordinates are y, by `complement_of`, and the
-"shift" L_z' = L_z + I₂/2. I₁ < I₂ < I₃ are the moments of inertia, and X₁, X₂, X₃ the
-resistances, from the longest axis to the shortest. "Critical" is the one trajectory on each side of
+"shift" L_z' = L_z + I₂/2. I₁ < I₂ < I₃ are the moments of inertia, from
+the longest axis to the shortest. "Critical" is the one trajectory on each side of
 L² = 2EI₂ that meets the point. Tables number the sides: 0 is long, L² < 2EI₂, before the point, 1
 is short, after it. L and E are over I_max, times are slow times t/St, unless another unit is named.
 
 In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
-points. They and the limits of axes are chosen by eye.
+points. They, the limits of axes and the heights of arrows in a plane are chosen by eye.
 """
 
 from dataclasses import dataclass
@@ -141,9 +141,9 @@ def critical_start(complement: float, points: int) -> tuple[list[float], float]:
     time.
     """
     local = Separatrix(_ELLIPSOID, "long")
-    # The averaged passage takes longer than the local one (`_PASSAGE_LONGER`), whose time is negative
-    # on this side. From y > 0.3, where the local time says little, the passage takes less than 0.3
-    # of slow time. Both numbers 0.3 are estimates.
+    # 1.2 is as `_PASSAGE_LONGER`, which says why. The local time is negative on this side. From
+    # y > 0.3, where the local time says little, the passage takes less than 0.3 of slow time. Both
+    # numbers 0.3 are estimates.
     times = np.linspace(0.0, 0.3 if complement > 0.3 else -1.2 * local.time(complement), points)
 
     def before_point(shift: float) -> tuple[float, float, float]:
@@ -458,7 +458,10 @@ class Plane(Experiment):
     """Slow trajectories in the L_z–E plane of the paper's ellipsoid."""
 
     def compute(self, grid: Grid) -> Computed:
-        """Slow trajectories, and the critical one: local and averaged, on both sides of the singular point."""
+        """Slow trajectories, and the critical one: local and averaged, on both sides of the singular point.
+
+        The numbers of rows are estimates.
+        """
         # Starts are pairs of L_z/I_max and the share, by `energy_at`, of E between its bounds. Shares go
         # from next to the lower parabola to next to the upper one. The last start lies on the upper one.
         # -1.1 is beyond the fixed points of L_z < 0, the farthest of which is at -0.5, and -0.08
@@ -475,8 +478,8 @@ class Plane(Experiment):
             # Kind 0 is the local solution, kind 1 below the averaged one.
             yield "critical", {"kind": 0, "side": number, "Lz": states[:, 2], "E": states[:, 3]}
         # The averaged one starts far from the point, at y = 0.8, and is followed for a slow time of 0.5
-        # after it. Squares of even steps make its rows dense near the point, where both are compared.
-        # The start and the point itself are left out. The numbers are estimates.
+        # after it. Its rows are dense near the point, where both are compared. Before the point, the
+        # start and the point itself are left out. The numbers are estimates.
         _, arrival = critical_start(0.8, 4001)
         before = critical_before(0.8, 4001, arrival * np.linspace(1.0, 0.0, 1001)[1:-1] ** 2)
         for number, slow in enumerate((before, critical_after(graded(0.5, 401)))):

@@ -125,7 +125,7 @@ def _random_starts(generator: np.random.Generator, kind: float, count: int) -> l
     """
     thetas = np.arccos(generator.uniform(-1.0, 1.0, count)).tolist()
     psis = generator.uniform(-pi / 2, pi / 2, count).tolist()
-    # Drawn also where they are not used: both kinds take the same numbers of the generator.
+    # Drawn also where they are not used: either kind takes equally many numbers of the generator.
     phis = generator.uniform(0.0, 2 * pi, count).tolist()
     starts = []
     for theta, psi, phi in zip(thetas, psis, phis, strict=True):
@@ -726,7 +726,7 @@ def measured_period(path: Table) -> float:
     return path.t[-1] * 2 * pi / abs(azimuth[-1] - azimuth[0])
 
 
-# z' is the longest axis of the first two bodies and the shortest of the others. Chaos is claimed to
+# z' is the longest axis of the first two bodies and the shortest of the next two. Chaos is claimed to
 # dominate for slender and flat bodies. Their 2000 isotropic starts narrow the interval of the share to
 # ±0.02. They have 120 half turns, the last half of which changes the share by 0.01 at most. For the
 # bodies whose chaos is claimed to be thin, 400 orbits without a chaotic one bound the share by 0.01.

@@ -498,6 +498,7 @@ class SpinDrift(Experiment):
         last = table[table.kappa == _DRIFT_KAPPAS[-1]]
         small = last[last.stokes < 1e-1]
         large = last[last.stokes > 1e3]
+        # At twice the last curve, so that the lines do not lie on it.
         draw_power(axes, small.stokes, 2 * abs(small.growth[-1]), 1)
         draw_power(axes, large.stokes, 2 * abs(large.growth[-1]), -1, linestyle="--")
         axes.set(

@@ -76,8 +76,8 @@ _SLOW_TIME = 0.12  # Slow time that all runs of the planes are followed.
 _CLOSE = (0.045, 0.0024)
 # Aspect ratios below and above that at which the paper's St^-1/2 ceases to hold (`widest`).
 _WIDTH_KAPPAS = (1.2, 2.0, 3.0)
-# Half the window around the crossing in which the smallest |L| is looked for, over I_max, at large
-# St. An estimate: the smallest |L| of any run is 0.04 I_max.
+# The smallest |L| is looked for from this L_z, over I_max, before the crossing to twice as far after
+# it, at large St (`_least_momentum`). An estimate: the smallest |L| of each run is 0.042 I_max or less.
 _WINDOW = 0.05
 # St at which a run of `hybrid`, which follows the neighbourhood by the full equations, is compared
 # with a full run. It is as large as a full run of some seconds allows.
@@ -289,7 +289,7 @@ def _draw_runs(axes: Axes, table: Table) -> None:
 
 
 def _scene(kappa: float, stokes: float, phi: float = 0.0, slow_time: float = _SLOW_TIME) -> Scene:
-    """L along the vorticity."""
+    """Start of a spheroid with L along the vorticity, L_z = `_MOMENTUM` and θ = `_THETA`."""
     return aligned_scene(spheroid(kappa), stokes, _MOMENTUM, _THETA, slow_time, phi)
 
 
@@ -367,5 +367,5 @@ def local_exponent(rows: Table, low: float, high: float) -> Estimate:
 
 def widest() -> float:
     """The aspect ratio κ at which `pinch_exponent` is -1/2: the growth exponent is -1 there."""
-    # κ = 1.1 is below it and κ = 3 above it (`_WIDTH_KAPPAS`).
+    # κ = 1.1 is below it and κ = 3 above it.
     return float(brentq(lambda kappa: growth_exponent(kappa) + 1, 1.1, 3.0))  # pyright: ignore[reportArgumentType]

@@ -215,7 +215,7 @@ class StokesStar(Experiment):
 _WAVE_STOKES = 1e3  # St of the claim.
 _WAVE_START = (-0.7, 0.9)  # L_z/I_max, and θ in rad.
 _WAVE_SLOW_TIME = 0.05  # Slow time over which swings are counted, before they die out: an estimate.
-_SPHEROID_KAPPAS = (2.0, 3.33)  # Aspect ratios: the claim's, and one that is nearer to a sphere.
+_SPHEROID_KAPPAS = (2.0, 3.33)  # Aspect ratios: one that is nearer to a sphere, and the claim's.
 
 
 @dataclass(frozen=True)
@@ -227,7 +227,8 @@ class Waves(Experiment):
 
         A swing is the change of E from one turning point to the next, half a period. The table has,
         for each body, its angular frequency in shear rates, the median size of a swing over I_max,
-        and its `scatter`: the median size of the logarithm of the ratio of neighbouring swings.
+        and its `scatter`: the median size of the logarithm of the ratio of a swing to the next one in
+        the same direction.
         """
         bodies = [*map(spheroid, _SPHEROID_KAPPAS), *SIX_BODIES]
         # 800 rows in each inverse shear rate, so that every turning point shows. An estimate.

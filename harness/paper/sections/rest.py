@@ -67,8 +67,8 @@ _OFF_ORBIT = 0.1
 # Rotation, in rad, of a particle since its start that marks the onset of inertia: any angle of
 # order one would do.
 _ONSET = 1.0
-# Share of the largest torque by which a weakest one stands out: smaller maxima do not count as
-# wiggles. An estimate.
+# A maximum of the torque along z, which is negative at first, counts as a wiggle if it stands out by
+# this share of the largest torque. An estimate.
 _WIGGLE = 0.02
 # Smallest St of the fits of the transient: there corrections, of order 1/√St, are 1e-3.
 _LARGE_STOKES = 5e5
@@ -156,7 +156,8 @@ class Change:
     time: float  # Start of the first short turn, in inverse shear rates.
     before: float  # Duration of the last long turn.
     after: float  # Duration of the first short one.
-    share: float  # Share of the logarithm of the whole change of duration.
+    # Share of this fall in the fall from the first turn to the last one, both in their logarithms.
+    share: float
     durations: np.ndarray  # Durations of all turns.
 
     @classmethod
@@ -200,7 +201,7 @@ class Sphere(Experiment):
         # that has the axis alone.
         run = run_form(find_form("quaternion"), scene, times)
         gyroscopic, viscous = terms_of(run)
-        # The viscous term is the smaller one in dips that are shorter than a row.
+        # The viscous term is the smaller one in dips that are shorter than a row that is kept.
         is_larger = (viscous > gyroscopic).astype(float)
         larger = cumulative_trapezoid(is_larger, times, initial=0.0)
         rows = {"t": times, **_path(run), "viscous_larger": larger}

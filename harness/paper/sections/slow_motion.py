@@ -75,7 +75,7 @@ class SlowMotion(Experiment):
 
     `slow_time` is how long it is followed, and `shown` are the St of the figure, of which 100 is
     one. `word` is the verdict if all numbers lie in their ranges. `constant` is the expected range
-    of the largest error times the largest St, over I_max. `relative` is the expected range of the
+    of the error at the largest St times that St, over I_max. `relative` is the expected range of the
     error at St = 100 over the largest change of a slow variable. An item that does not give a range
     has the range of the spheroid's first start, without a reason.
     """

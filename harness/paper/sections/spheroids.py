@@ -70,7 +70,8 @@ class Plane(Experiment):
         """Slow trajectories from both edges of the plane, and from close to the pinch point."""
         # Starts are pairs of L_z/I_max and the share, by `energy_at`, of E between its bounds. The last
         # two lie on the upper parabola. -1.1 is beyond the fixed points, which lie at -0.5 and
-        # -0.2, and -0.06 between them and the pinch point. The values are estimates.
+        # -0.2, and -0.06 between them and the pinch point. The values and the numbers of rows are
+        # estimates.
         shares = (0.001, 0.05, 0.15, 0.3, 0.5, 0.7, 0.85, 0.95, 0.999)[:: grid.of(1, 4)]
         starts = [*product((-1.1, -0.06, 1.1), shares)]
         starts += [(-1.1, 1.0), (-0.06, 1.0)]
@@ -130,7 +131,10 @@ class SpheroidPlanes(PlanesOfBodies):
     """Full and slow trajectories of spheroids of several aspect ratios."""
 
     def expected(self, differences: planes.Differences) -> list[Number]:
-        """That the differences fall with St and with the distance of κ from one."""
+        """That the differences fall as St grows, and as κ approaches one.
+
+        The ends of the ranges are estimates.
+        """
         low, high = planes.PLANE_STOKES
         ratios = [differences[low][name] / differences[high][name] for name in self.bodies]
         # Bodies have their κ as names.
@@ -165,8 +169,8 @@ class SpheroidPlanes(PlanesOfBodies):
 # shares are estimates.
 _ENERGIES = (2 / 9, 0.305, 0.472)
 _PROJECTED_MOMENTUM = 2 / 3  # |L| of these starts, over I_e.
-# Azimuths of L in degrees, from L_y to L_x: the figure shows the first three. Paths of _BETWEEN are
-# compared with the paths of 0 and 90 degrees, the limiting ones.
+# Azimuths of L in degrees, from L_y to L_x, with their names in the figure. Paths of _BETWEEN are
+# compared with the paths of 0 and 90 degrees, the limiting ones. The azimuths are a choice.
 _AZIMUTHS = {0.0: "$L_{x0} = 0$", 45.0: "$L_{x0} = L_{y0}$", 90.0: "$L_{y0} = 0$"}
 _BETWEEN = (15.0, 45.0, 75.0)
 
@@ -182,8 +186,8 @@ class Projections(Experiment):
         from the node. "between" has how far a path lies outside the two limiting ones, in the plane of
         L_z and `across`: E, or Lxy = √(L_x² + L_y²). All are over I_max = I_e.
         """
-        # A slow time of 1 is some 36 relaxation times I_e/(8πY). The cosines and the 1201 rows are
-        # estimates.
+        # A slow time of 1 is some 36 relaxation times I_e/(8πX_e), X_e being the resistance to rotation
+        # about an equatorial axis. The cosines and the 1201 rows are estimates.
         slow_times = graded(1.0, 1201)
         cosines = grid.of((-0.95, -0.5, 0.1, 0.6, 0.95), (-0.6, 0.6))
         for energy, cosine in product(_ENERGIES, cosines):
@@ -291,7 +295,7 @@ def outside(inner: np.ndarray, first: np.ndarray, last: np.ndarray) -> float:
     return float(planes.distances(beyond, edge).max(initial=0.0))
 
 
-# Ratios of L_xy to |L_z| of the starts of the L–E planes.
+# Ratios of L_xy to |L_z| of the starts of the L–E planes. A choice.
 _RATIOS = (0.1, 1.0, 10.0)
 
 
@@ -302,12 +306,13 @@ class LPlanes(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Slow trajectories with L_x = 0 or L_y = 0 and several ratios of L_xy to L_z, of either sign.
 
+        They start with |L| = I_e.
         `zero` is the place of the component that is zero: 0 for L_x, 1 for L_y. `energy_at` says
         what a `share` is. The table "" has the paths, with `ratio` for L_xy/L_z at the start. "ends"
         has the distance of their ends from the node, and the `smallest` |L| on the way, over I_max.
         """
-        # A slow time of 1 is some 36 relaxation times I_e/(8πY). The shares and the 1201 rows are
-        # estimates.
+        # A slow time of 1 is some 36 relaxation times, as in `Projections`. The shares and the 1201 rows
+        # are estimates.
         slow_times = graded(1.0, 1201)
         shares = grid.of((0.05, 0.3, 0.6, 0.9), (0.3, 0.9))
         starts = product((0, 1), _RATIOS, (-1.0, 1.0), shares)
