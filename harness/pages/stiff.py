@@ -403,7 +403,7 @@ def answers(runs: Sequence[Run]) -> dict[str, Any]:
         "count": len(cells),
         "won": won,
         "leads": median(leads) if leads else None,
-        "exact_wins": percent(exact_wins / len(cells)),
+        "exact_wins": percent(exact_wins / max(1, len(cells))),
         "by_python": sum(winner.run.backend != "compiled" for winner in cells),
         "exact": _span(jacobians),
         "compiled": _span(backends),
@@ -449,9 +449,11 @@ def figure(runs: Sequence[Run], note: str = "") -> Figure:
             milliseconds = [1e3 * fastest[stokes] for stokes in numbers]
             style = {"color": look.colour, "marker": look.marker, "linewidth": 1.2}
             axes.plot(numbers, milliseconds, markersize=5, label=solver, **style)
-        axes.set(xscale="log", yscale="log")
-        # Decades of both axes have one length.
-        axes.set_aspect("equal")
+        # A panel without a point has nothing that a logarithmic axis could hold.
+        if scene_runs:
+            axes.set(xscale="log", yscale="log")
+            # Decades of both axes have one length.
+            axes.set_aspect("equal")
         words = f"{scene}, to an error of {power(_SHOWN_ERROR)}"
         axes.set_title(words, fontsize=TITLE, loc="left", color=INK)
         axes.set_ylabel("time, ms")

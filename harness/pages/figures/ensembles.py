@@ -1,10 +1,10 @@
 """Figures of ensembles: orientation and arrivals of one shape, from the tables beside its page; speed.
 
-An ensemble is many particles of one shape at one St, with random starts. p is the direction of the
-body's last axis. An attractor is a stable state of the averaged motion in simple shear; a particle
-has arrived at it once it stays near it to the end. L is the angular momentum; tables have it over
-the largest moment of inertia. x is the axis of the flow, y of its gradient, z of its vorticity. Looks
-and sizes without a reason are chosen by eye (`style`).
+An ensemble is many particles of one shape at one St, with random starts. p is the direction of the last
+of the body axes that the tables count: of a spheroid the symmetry axis, else z'. An attractor is a stable
+state of the averaged motion in simple shear; a particle has arrived at it once it stays near it to the
+end. L is the angular momentum; tables have it over the largest moment of inertia. x is the axis of the
+flow, y of its gradient, z of its vorticity. Looks and sizes without a reason are chosen by eye (`style`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -78,7 +78,7 @@ _SPEED_COLOURS = (BLUE, VERMILLION)
 
 
 def last_axis(axes: Sequence[float]) -> str:
-    """Which of the body's axes p is, in words."""
+    """The last of a body's semi-axes, along which p lies, in words."""
     a, b, c = axes
     length = "last"
     if c > max(a, b):
@@ -107,10 +107,14 @@ def picture(tables: Mapping[str, pd.DataFrame], note: str = "") -> Figure:
     _means(grid[0, 0], tables["moments" if oriented else "slow"], shades, slow, oriented)
     _arrivals(grid[0, 1], tables.get("arrivals", pd.DataFrame()), shades, slow)
     _histogram(grid[0, 1], tables["distributions"], shades)
-    if oriented:
-        _body(grid[0, 0], axes)
     shape = " : ".join(map(short, axes))
-    what = f"p: {last_axis(axes)}" if oriented else "Means of L"
+    what = "Means of L"
+    if oriented:
+        # The body's axes in turn, so that the one along p comes last.
+        numbers_of_axes: Any = tables["moments"]["body_axis"]
+        p_last = np.roll(axes, 3 - int(numbers_of_axes.max())).tolist()
+        _body(grid[0, 0], p_last)
+        what = f"p: {last_axis(p_last)}"
     grid[0, 0].set_title(what, fontsize=TITLE, loc="left", color=INK)
     for axis in grid.flat:
         axis.set_xlabel("slow time $t_2 = t/\\mathrm{St}$" if slow else "time, inverse shear rates")
@@ -252,8 +256,10 @@ def _histogram(axes: Axes, table: Any, shades: Mapping[float, str]) -> None:
             rows = line[
                 (line["time"] == time) & np.isfinite(line["low"]) & np.isfinite(line["high"])
             ]
-            edges = [*rows["low"], rows["high"].iloc[-1]]
-            share = rows["particles"].to_numpy(float) / max(float(rows["particles"].sum()), 1.0)
+            # The table leaves out empty bins: there the share is 0.
+            edges = sorted({*rows["low"], *rows["high"]})
+            particles: Any = rows.set_index("low")["particles"].reindex(edges[:-1], fill_value=0)
+            share = particles.to_numpy(float) / max(float(rows["particles"].sum()), 1.0)
             inset.stairs(share, edges, color=shades[float(str(stokes))], ls=dash, linewidth=1.2)
     inset.set_yscale("log")
     inset.set_ylim(*_HISTOGRAM_SHARES)

@@ -105,6 +105,13 @@ def test_the_page_begins_with_the_answer_and_has_a_figure_of_838_pixels(tmp_path
         assert picture.width == 838
 
 
+def test_runs_that_meet_no_error_have_a_page_too(tmp_path):
+    records = [record("cyrk-bdf", [1e-3], error=1e-2), {**FASTEST, "scene_name": "spheroid"}]
+    for chosen in (records, records[:1]):
+        path = stiff.write_page(read_study(FILE), chosen, tmp_path, "polhode bench")
+        assert "| paper | 1e-4 | – " in " ".join(path.read_text("utf-8").split())
+
+
 def test_the_study_asks_every_implicit_solver_of_every_kind():
     study = read_study(FILE)
     assert all(find_solver(name).implicit for name in study.solvers)

@@ -222,6 +222,33 @@ def test_a_shape_is_drawn_from_its_tables_with_direct_names():
     assert keys == ["1 : 1 : 2, St = 500", r"1 : 1 : 2, St = $5\times10^{3}$"]
 
 
+def test_p_is_the_symmetry_axis_of_a_spheroid_wherever_it_stands():
+    given = tables((1000.0,))
+    for name in ("moments", "distributions", "arrivals"):
+        given[name] = given[name].assign(a=2.0, b=1.0, c=1.0)
+    given["moments"]["body_axis"] = 1
+    means = picture(given).axes[0]
+    assert means.get_title(loc="left") == "p: symmetry axis, longest"
+    (sketch,) = means.child_axes
+    tip = np.array(sketch.texts[0].xy)
+    outline = sketch.patches[0].get_xy()
+    far = outline[np.argmax(np.linalg.norm(outline, axis=1))]
+    assert abs(np.dot(far, tip)) / np.linalg.norm(far) / np.linalg.norm(tip) > 0.99
+
+
+def test_an_empty_bin_of_a_histogram_has_no_particles():
+    given = tables((1000.0,))
+    rows = given["distributions"]
+    # Bins from -0.5 to -0.4 and from -0.2 to -0.1; those between are empty.
+    given["distributions"] = rows.assign(
+        low=rows["low"].replace(-0.4, -0.2), high=rows["high"].replace(-0.4 + 0.1, -0.1)
+    )
+    (inset,) = picture(given).axes[1].child_axes
+    shares, edges, _ = inset.patches[0].get_data()
+    np.testing.assert_allclose(edges, [-0.5, -0.4, -0.2, -0.1])
+    np.testing.assert_allclose(shares, [0.75, 0.0, 0.25])
+
+
 def test_without_orientations_means_of_l_are_drawn():
     given = tables((1000.0,))
     rows = given["moments"].rename(columns={"moment": "variable"})
