@@ -259,6 +259,7 @@ def _compute(
         grown = growth(problem, min(_MOST_INTERVALS, samples - 1))
         if grown.chaotic:
             until = grown.meaningful_until()
+            # Two at least: at the start alone nothing has an error.
             meaningful = max(2, int(np.searchsorted(times, until, side="right")))
     numerical_error = errors(scene.ellipsoid, loose[:meaningful], tight[:meaningful])
     early = [

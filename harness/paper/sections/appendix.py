@@ -10,6 +10,8 @@ Names such as `lzsfod2` are labels of the paper's LaTeX source (docs/misprints.m
 
 In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
 points. They and the limits of axes are chosen by eye.
+
+Ends of the ranges for which a verdict holds are estimates where their reasons do not give them.
 """
 
 from abc import abstractmethod
@@ -377,10 +379,7 @@ class FirstOrder(Experiment):
         )
 
     def _numbers(self, errors: Table, orders: Mapping[str, Estimate]) -> list[Number]:
-        """The gain by the correction, exponents, and the size of the corrected error.
-
-        Widths of ranges about the orders of theory are estimates.
-        """
+        """The gain by the correction, exponents, and the size of the corrected error."""
         first_order = Range.near(-1.0, 0.1, "theory: first order")
         second_order = Range.near(-2.0, 0.1, "theory: second order")
         # The first two axes of `spheroid` are equatorial: 8πY/I_e, where Y is the resistance to

@@ -8,6 +8,8 @@ the nutation or of the precession: averaged equations do not know it.
 
 In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
 points. They and the limits of axes are chosen by eye.
+
+Ends of the ranges for which a verdict holds are estimates where their reasons do not give them.
 """
 
 from collections.abc import Mapping
@@ -75,8 +77,8 @@ _SIDES = ("short", "long")
 # Slow time up to which the order of averaging is measured: all starts of the long side cross before
 # it. An estimate, which `compute` checks.
 _ORDER_TIME = 0.1
-# Faster than Taylor series over these numbers of turns. It does not stop at a graze of L² = 2EI₂
-# either.
+# Faster than Taylor series over these numbers of turns. Taylor series hardly converge where a run
+# grazes L² = 2EI₂.
 _FAST_SOLVER = "cyrk-vern8"
 # Smallest St of the fits of the order, an estimate: just below the third one that is computed.
 _ASYMPTOTIC = 9e4
@@ -207,7 +209,6 @@ class AveragingOrder(Experiment):
         """Exponents, and how well the two laws fit.
 
         Widths of ranges, 0.1 or 0.15 in an exponent, allow for a few St and a finite number of starts.
-        They are estimates.
         """
         low, high = laws.free.interval
         return [

@@ -10,6 +10,8 @@ symmetry axis, e of an axis across it: I_a, I_e, X_c, and Y_c for the resistance
 
 In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
 points. They and the limits of axes are chosen by eye.
+
+Ends of the ranges for which a verdict holds are estimates where their reasons do not give them.
 """
 
 from abc import abstractmethod

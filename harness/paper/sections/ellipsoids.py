@@ -9,6 +9,8 @@ is short, after it. L and E are over I_max, times are slow times t/St, unless an
 
 In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
 points. They, the limits of axes and the heights of arrows in a plane are chosen by eye.
+
+Ends of the ranges for which a verdict holds are estimates where their reasons do not give them.
 """
 
 from dataclasses import dataclass

@@ -7,6 +7,8 @@ The items are the paper's figures `slender_prolate` to `flat_oblate`, `euler_top
 
 In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
 points. They and the limits of axes are chosen by eye.
+
+Ends of the ranges for which a verdict holds are estimates where their reasons do not give them.
 """
 
 from abc import abstractmethod

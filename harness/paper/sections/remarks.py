@@ -6,6 +6,8 @@ the shortest axis. `polhode.harness.paper.jeffery_top` computes both.
 
 In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
 points. They and the limits of axes are chosen by eye.
+
+Ends of the ranges for which a verdict holds are estimates where their reasons do not give them.
 """
 
 from dataclasses import dataclass

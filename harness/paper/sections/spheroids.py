@@ -7,6 +7,8 @@ L²/2I_min. The stable node is on the lower one, the saddle on the upper one.
 
 In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
 points. They and the limits of axes are chosen by eye.
+
+Ends of the ranges for which a verdict holds are estimates where their reasons do not give them.
 """
 
 from dataclasses import dataclass
@@ -131,10 +133,7 @@ class SpheroidPlanes(PlanesOfBodies):
     """Full and slow trajectories of spheroids of several aspect ratios."""
 
     def expected(self, differences: planes.Differences) -> list[Number]:
-        """That the differences fall as St grows, and as κ approaches one.
-
-        The ends of the ranges are estimates.
-        """
+        """That the differences fall as St grows, and as κ approaches one."""
         low, high = planes.PLANE_STOKES
         ratios = [differences[low][name] / differences[high][name] for name in self.bodies]
         # Bodies have their κ as names.
