@@ -316,9 +316,10 @@ class Ensemble:
     def states(
         self, starts: np.ndarray, times: np.ndarray, random: np.random.Generator
     ) -> tuple[np.ndarray, ...]:
-        """States, shape (m, n, d), of particles at times, NaN from where one failed, and statuses, shape (n,).
+        """States, shape (m, n, d), of particles at times, and statuses, shape (n,).
 
-        Phases that hybrid equations leave open are drawn from `random`.
+        States of a particle that failed are NaN from where it failed, or at all times. Phases that hybrid
+        equations leave open are drawn from `random`.
         """
         if self.equations == "averaged":
             return run_adaptive(self.problem, starts, times, self.tolerance)

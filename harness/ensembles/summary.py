@@ -59,7 +59,7 @@ def means(statistics: Statistics, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def fraction(count: int, of: int) -> Estimate:
-    """The fraction `count` of `of`, with its interval; None of no cases."""
+    """The fraction `count` of `of`, with its interval; of no cases it is None, and lies between 0 and 1."""
     return Estimate(count / of if of else None, *wilson(count, of))
 
 

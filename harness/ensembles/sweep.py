@@ -61,7 +61,7 @@ class SweepFlowTable(FlowTable):
 
 
 class SweepTable(Table):
-    """A sweep file; the folder of its results has its name."""
+    """A sweep file; by default the folder of its results has its name."""
 
     name: Name
     title: str

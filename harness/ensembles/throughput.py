@@ -87,7 +87,7 @@ T = TypeVar("T")
 
 
 def measure(quiet: bool = False) -> dict[str, Any]:
-    """Everything that `polhode.harness.pages.ensembles` shows."""
+    """Everything that the page of throughput shows (`polhode.harness.pages.ensembles`)."""
     steady = sentinel()
     targets: list[tuple[str, float]] = [*product(SHAPES, SETTINGS.targets)]
     shape_equations = [*product(SHAPES, ("full", "averaged"))]

@@ -77,7 +77,7 @@ def run(
     """Matrices t_ij, shape (rows, n, 3, 3), and L, shape (rows, n, 3), at equispaced times from 0 to the ends.
 
     The starts are t_ij, shape (n, 3, 3), and body angular velocities, shape (n, 3). `end` has the ends,
-    shape (n,), or one for all bodies. All bodies take the same number of equal steps, a multiple of
+    shape (n,), or one for all bodies, shape (1,). All bodies take the same number of equal steps, a multiple of
     rows - 1. ``gradient(t, i)`` gives A, shape (n, 3, 3), at times of shape (n,) within step i. A track
     of gradients needs i: where steps end at its knots, i tells which of two intervals a knot belongs to.
     """

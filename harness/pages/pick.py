@@ -2,9 +2,10 @@
 
 `pick` ranks methods for a scene; `polhode.harness.answers.heldout` measures its first choice and all others. In
 the tables `factor` is the ratio of the time of the first choice to the time of the best run. `met` says
-whether the first choice met the requested error, or `pick` refused an error that no run met. The scenes of a
-stratum have best runs of about one duration. `judged` gives each stratum a row: `near` is the share of the
-first choices that met the error within `heldout.NEAR` times the best run, `farthest` the largest factor.
+whether the first choice met the requested error, or `pick` refused an error that no run met. A stratum has
+the scenes whose best runs take times of one range (`heldout.STRATA`). `judged` gives each stratum a row:
+`near` is the share of the first choices that met the error within `heldout.NEAR` times the best run,
+`farthest` the largest factor.
 """
 
 import re
