@@ -1,4 +1,4 @@
-"""References: solutions in extended precision, certified, with a stated uncertainty, never a contestant's own.
+"""References: solutions in extended precision where that is affordable, certified, with a stated uncertainty.
 
 docs/method.md, "References", says in short how they are made. A *contestant* is a method that is judged
 by the reference. *Moved* runs start with each number half an ulp away, which double precision cannot tell. An
@@ -64,7 +64,7 @@ _ORDINARY = 3.0
 EXTENDED_UP_TO_STOKES = 1e6
 EXTENDED_TIME = 5e6
 _HORIZON = 5e7
-# Seeds of the moved runs: each number of start and parameters moves by half an ulp, up or down.
+# Seeds of the moved runs: which numbers of start and parameters move up, and which down. Any would do.
 _ROUNDING_SEEDS = (1, 2)
 # Distance from which on a reference is examined for chaos: of moved runs, or of two unlike methods. Its unit is
 # rad, or for L and E the largest of I_max, E and the components of L. An estimate.
@@ -428,7 +428,7 @@ def _runs(scene: Scene, form: Form) -> tuple[Run, Run, tuple[int, ...]]:
 
 
 def _rounded_otherwise(problem: Problem, seed: int) -> Problem:
-    """The problem with each number of start and parameters moved by half an ulp, up or down."""
+    """The problem with each number of start and parameters, but for zeros, moved by half an ulp, up or down."""
     generator = np.random.default_rng(seed)
 
     def moved(values: tuple[float, ...]) -> tuple[np.longdouble, ...]:

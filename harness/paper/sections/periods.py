@@ -73,7 +73,8 @@ _LAW_LOST = 0.1
 def _periods(stokes: np.ndarray) -> Computed:
     """Tumbling periods of each spheroid at each St, and how far they lie from Jeffery's.
 
-    `change` is the period less Jeffery's, and is negative. All three are in inverse shear rates.
+    `change` is `period` less `jeffery`, Jeffery's period, and is negative. All three are in inverse
+    shear rates.
     """
     for kappa, number in product(_PERIOD_KAPPAS, stokes.tolist()):
         period = tumbling_period(spheroid(kappa), number, _TUMBLING_AXIS)

@@ -79,7 +79,7 @@ _CLOSE = (0.045, 0.0024)
 # Aspect ratios below and above that at which the paper's St^-1/2 ceases to hold (`widest`).
 _WIDTH_KAPPAS = (1.2, 2.0, 3.0)
 # The smallest |L| is looked for from this L_z, over I_max, before the crossing to twice as far after
-# it, at large St (`_least_momentum`). An estimate: the smallest |L| of each run is 0.042 I_max or less.
+# it, at large St (`_least_momentum`). An estimate, which no run's smallest |L| reaches.
 _WINDOW = 0.05
 # St at which a run of `hybrid`, which follows the neighbourhood by the full equations, is compared
 # with a full run. It is as large as a full run of some seconds allows.

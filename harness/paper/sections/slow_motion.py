@@ -1,8 +1,8 @@
 """Slow variables in time, full against averaged: one start at several Stokes numbers.
 
 Slow variables are (L_x, L_y, L_z, E) over the largest moment of inertia I_max: constant for the
-free top, they change in the slow time t₂ = t/St. The full equations have the oscillation of a turn
-in them, the averaged ones do not. L² = 2EI₂, with the middle moment of inertia I₂, is the polhode
+free top, they change in the slow time t₂ = t/St. The full equations hold the oscillation within a
+turn, the averaged ones do not. L² = 2EI₂, with the middle moment of inertia I₂, is the polhode
 that parts those about the longest axis from those about the shortest one. The node is the stable
 fixed point of the averaged equations, the saddle an unstable one. Items of the sections on
 spheroids (`lsds`) and on ellipsoids use this experiment.
