@@ -100,8 +100,7 @@ def _cells(*texts: str) -> list[str]:
 def measured(number: Number) -> str:
     """A number's value as the pages write it, with interval and unit; of a share also the whole.
 
-    "0.57 (95 %: 0.55 … 0.59)": the last digit that is written is the first one of the interval's
-    width.
+    An example is "0.57 (95 %: 0.55 … 0.59)". `last_unit` says to which digit both are written.
     """
     if abs(number.value) < number.floor:
         text = f"below {_digits(number.floor, 1)}"
