@@ -34,8 +34,10 @@ if TYPE_CHECKING:
 # Components up to which Python finds the largest in less time than NumPy. An estimate: either takes
 # some microseconds here.
 _FEW_COMPONENTS = 20
-# Rows of an output. A row of a scene has 15 doubles: these rows take 1.2 GB.
+# Most rows of an output. An estimate: a row of a scene has 15 doubles, so that these rows take 1.2 GB.
 _MAX_SAMPLES = 10_000_000
+# Characters of a wrong value that a message shows. An estimate: they tell which value it is.
+_SHOWN_CHARACTERS = 60
 # Relative tolerance where none is given. A convention: SciPy's is 1e-3, which is loose for a solver of
 # order 8 as the one by default.
 _DEFAULT_RTOL = 1e-6
@@ -322,7 +324,8 @@ def check_tolerance(name: str, value: Any) -> None:
         numbers = np.zeros(0)
     good = numbers.ndim < 2 and numbers.size and (np.isfinite(numbers) & (numbers > 0)).all()
     if not good or isinstance(value, str | bool):
-        raise ValueError(f"{name}: got {value!r:.60}, expected a finite positive number")
+        got = f"{value!r:.{_SHOWN_CHARACTERS}}"
+        raise ValueError(f"{name}: got {got}, expected a finite positive number")
 
 
 def check_samples(samples: int) -> None:
@@ -337,8 +340,9 @@ def increasing(name: str, values: Any, begin: float, end: float) -> np.ndarray:
     """Times as an array, shape (n,); ValueError unless they increase and lie within a run from `begin` to `end`."""
     times = _times(values)
     if not (_rise(times) and begin <= times[0] and times[-1] <= end):
+        got = f"{values!r:.{_SHOWN_CHARACTERS}}"
         expected = f"increasing numbers from {in_full(begin)} to {in_full(end)}"
-        raise ValueError(f"{name}: got {values!r:.60}, expected {expected}")
+        raise ValueError(f"{name}: got {got}, expected {expected}")
     return times
 
 
@@ -349,8 +353,9 @@ def decreasing(name: str, values: Any, begin: float, end: float) -> np.ndarray:
     """
     times = _times(values)
     if not (_rise(-times) and end <= times[-1] and times[0] <= begin):
+        got = f"{values!r:.{_SHOWN_CHARACTERS}}"
         expected = f"decreasing numbers from {in_full(begin)} to {in_full(end)}"
-        raise ValueError(f"{name}: got {values!r:.60}, expected {expected}")
+        raise ValueError(f"{name}: got {got}, expected {expected}")
     return times
 
 

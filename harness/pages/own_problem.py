@@ -44,7 +44,7 @@ _TITLE_DISTANCE = 15
 # Chosen by eye.
 _OVER_SIZE = (8, 4.5)
 _LEGEND_LETTERS = 8
-# Values of a parameter that span more than this factor are drawn on a logarithmic axis.
+# Values of a parameter that span more than this factor are drawn on a logarithmic axis. A choice.
 _LOGARITHMIC_FROM = 10
 
 

@@ -168,7 +168,9 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
             ("Jacobian", "only compiled", "only called back"),
         ),
         forms=markdown(
-            ["body", "St", *_FORMS], [_form_cells(row) for row in forms(runs)], right=range(1, 6)
+            ["body", "St", *_FORMS],
+            [_form_cells(row) for row in forms(runs)],
+            right=range(1, 2 + len(_FORMS)),
         ),
         tight=min(study.tolerances),
         stopped=stopped(runs, min(study.tolerances)),

@@ -119,7 +119,8 @@ class Experiment(ABC):
     whether data in the report's folder are still today's (`harness/paper/dependencies.py`).
     """
 
-    # About how long `compute` takes on one core: of items that wait, the longest is begun first.
+    # About how long `compute` takes on one core: of items that wait, the longest is begun first. Short ones
+    # keep the default.
     seconds: ClassVar[float] = 1.0
 
     @abstractmethod

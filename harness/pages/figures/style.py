@@ -72,7 +72,7 @@ RC: dict[Any, Any] = {
     "grid.linewidth": 0.6,
     "axes.axisbelow": True,
 }
-# By solver and averaged form: a colour on white, one on a dark ground, and a marker of Matplotlib: a
+# By solver, averaged form and form `hybrid`: a colour on white, one on a dark ground, and a marker of Matplotlib: a
 # letter, or corners, style (0 a polygon, 1 a star) and turn in degrees.
 LOOKS: dict[str, tuple[str, str, Any]] = {
     name: (light, dark, tuple(marker) if isinstance(marker, list) else marker)
