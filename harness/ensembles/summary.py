@@ -1,4 +1,10 @@
-"""Summary of an ensemble: means with standard errors, fractions, quantiles with intervals."""
+"""Summary of an ensemble: means with standard errors, fractions, quantiles with intervals.
+
+Samples are the times at which particles are looked at, snapshots those at which moments and histograms
+are kept. A particle has arrived at an attractor, a stable state, once it stays near it up to the end of
+the run (`Ensemble`); the transient time is the time until then. The slow variables are the components of
+L, its length |L|, and E.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

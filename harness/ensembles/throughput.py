@@ -3,7 +3,8 @@
 Throughput per core is measured in one process at a time; two processes are compared with one as
 wall time, at the end. The page is `reports/sweep/throughput.md`. "Lanes" are the slots of SIMD registers,
 in which particles run side by side. The "sentinel" is a fixed piece of arithmetic that shows how fast
-the machine is. A "turn" of several functions runs each of them once, one after the other.
+the machine is. A "turn" of several functions runs each of them once, one after the other. A "plan" is the
+method and the step of equal steps, chosen on some particles.
 """
 
 import json

@@ -123,7 +123,8 @@ def summary(scenes: Any) -> list[str]:
     """The evaluation in sentences, each with its target.
 
     `scenes` is the table of `Evaluation`. Its columns `asking`, `seconds` and `plain` are in seconds:
-    asking `pick`, its first choice, and plain practice, which may have no answer.
+    asking `pick`, its first choice, and plain practice (`polhode.harness.answers.timed`), which may have
+    no answer.
     """
     timed = scenes.dropna(subset=["plain", "seconds"])
     strata = judged(scenes)

@@ -172,8 +172,8 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
 
     A band of stairs lies under the Pareto front of the full forms' known runs, on which a run counts
     if it halves the error; methods that are nowhere on it stand behind, pale. Points within `KNOWN`
-    times the reference's uncertainty are grey. Runs without a result stand hollow along the upper
-    edge, at their tolerance.
+    times the reference's uncertainty are grey, as are all where it is not known. Runs without a result
+    stand hollow along the upper edge, at their tolerance.
 
     Parameters
     ----------
@@ -229,7 +229,10 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
 
 
 def _draw_averaged(axes: Axes, runs: pd.DataFrame, error: str, form: str) -> None:
-    """Draw the cheapest runs of an averaged form, and its model error as a dotted line."""
+    """Draw the cheapest runs of an averaged form, and its model error as a dotted line.
+
+    The model error is the distance of the form's exact solution from the solution of the full equations.
+    """
     look = looks([form])[form]
     cheapest = pareto_front(runs, error)
     size = 9  # Larger than the markers of solvers, which may lie beneath.
