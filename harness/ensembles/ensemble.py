@@ -92,8 +92,8 @@ class Ensemble:
     # the largest moment of inertia, meant for 97.5 % of the particles. For averaged ones: the
     # tolerance of `run_adaptive`. The default is far below the statistical errors of any number of particles.
     tolerance: float = 1e-6
-    # Particles of one task. An estimate: a task lasts seconds at St = 1e3 (docs/scaling.md), more than the second
-    # in which its process starts.
+    # Particles of one task, which are lost if its worker dies. An estimate: at St = 1e3 a task of full equations
+    # lasts tenths of a second (reports/sweep/throughput.md), and longer in proportion to St.
     block: int = 10_000
     # Equispaced times at which arrival is looked for, start and end included: arrival is known to 1 % of the run.
     samples: int = 101

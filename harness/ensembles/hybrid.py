@@ -35,8 +35,8 @@ from polhode.solvers.solve import solve
 
 # Solver of particles that run one at a time.
 SOLVER = "cyrk-vern8"
-# Requested error times St from which on phases are drawn. An estimate: half of the triaxial bodies that stay
-# on one side of L² = 2EI₂ have an error of averaging below 15/St (reports/accuracy, "stays").
+# Requested error times St from which on phases are drawn. An estimate near the error of averaging, which is
+# 15/St in the median of triaxial bodies on one side of L² = 2EI₂ (reports/accuracy, "stays").
 _MIN_ERROR_TIMES_STOKES = 10.0
 # Particles that run both ways, some seconds of work. An estimate: the limit of |L| is known the better, the
 # more run.
