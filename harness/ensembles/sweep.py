@@ -1,7 +1,8 @@
 """Sweeps: a grid of shapes × Stokes numbers, as data, run into a store by any engine.
 
 A pair of shape and St is an `Ensemble`, its particles come in blocks, and a block is a `Task`. The store
-has a record for each task, so that an interrupted sweep goes on. `docs/scaling.md` has the file's keys.
+has a record for each task, so that an interrupted sweep goes on. `docs/scaling.md` shows a sweep file;
+`SweepTable` has all of its keys, and `Ensemble` says what they mean.
 """
 
 from bisect import bisect_right

@@ -6,7 +6,7 @@ gradient in body axes, G = R A Rᵀ, gives ω₁J = (b² G₃₂ - c² G₂₃)/
 
 R has the body axes as its rows t_i. The semi-axes are a, b and c, A is the gradient of the flow's
 velocity, X_i the rotational resistance, and ω_J Jeffery's angular velocity. A state of n bodies has the shape
-(n, 4, 3): three body axes, then L, all in space axes. Time is in inverse shear rates. `docs/flows.md`
+(n, 4, 3): three body axes, then L, all in space axes. Time is in inverse shear rates. `reports/flows`
 says what is compared with this integration.
 """
 
