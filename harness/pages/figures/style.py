@@ -32,7 +32,7 @@ from polhode.solvers.catalogue import SOLVERS
 
 DPI = 150  # Pixels in an inch of a saved figure.
 WIDTH = 838 / DPI  # Inches.
-LETTERS = 9.5  # Points: all words and numbers.
+LETTERS = 9.5  # Points: words and numbers.
 SMALL_LETTERS = 9  # Points: names and keys that have no room for `LETTERS`.
 TITLE = 10.5  # Points: the title of a panel.
 TITLE_LEFT = 0.06  # Inches from the figure's left edge to a title or a caption.
@@ -101,7 +101,7 @@ _MAX_COLOURS = 128  # Of a picture.
 _LEAST_DIFFERENCE = 16  # Of 255: the difference of two colours in red, green or blue.
 _GREY_RANGE = 2  # Of 255: red, green and blue of a grey differ by no more.
 _GREY_STEP = 6  # Of 255: the difference of two greys.
-# Colours of a picture that are compared with its palette at once: some MB of memory.
+# Colours of a picture that are compared with its palette at once: some 10 MB of memory.
 _COMPARED_AT_ONCE = 4096
 
 
