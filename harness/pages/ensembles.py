@@ -63,7 +63,8 @@ def write_results(
 ) -> tuple[Path, list[dict[str, Any]]]:
     """Write the page, its pictures and the CSV files that have rows into a folder.
 
-    Returns the page's path, and a row of `summary.ensemble_row` for each ensemble.
+    Returns the page's path, and a row of `summary.ensemble_row` for each ensemble. Raises ValueError if the
+    store lacks a task.
     """
     ensembles = []
     # The stem of each picture's file, and its shape in words.

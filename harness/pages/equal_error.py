@@ -77,7 +77,7 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
 
 
 def draw(measured: Measured, folder: Path, command: str) -> None:
-    """Draw time against error of every solver into a folder."""
+    """Draw time against error of every solver, as ``slow.png`` in a folder."""
     runs = frame(measured.solvers)
     scene = str(runs["scene_name"].iloc[0])
     note = conditions(runs, measured_on(provenance(command, measured.solvers)))

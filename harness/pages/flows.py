@@ -58,7 +58,10 @@ def write_tables(tables: Mapping[str, Sequence[Record]], timed: Record, folder: 
 
 
 def write_page(folder: Path, command: str) -> Path:
-    """Write the page and its figure from the tables in a folder; the path of the page."""
+    """Write the page and its figure from the tables in a folder; the path of the page.
+
+    Raises OSError if a table is missing.
+    """
     tables = read_tables(folder)
     note = (
         "Left: period of the axis at St = 0 (Jeffery's equations). Right: L at "
@@ -70,7 +73,7 @@ def write_page(folder: Path, command: str) -> Path:
 
 
 def read_tables(folder: Path) -> dict[str, Any]:
-    """The tables of a page, each under its name."""
+    """The tables of a page, each under its name; OSError if one is missing."""
     return {name: read_csv(folder / f"{name}.csv") for name in measure.TABLES}
 
 

@@ -37,7 +37,7 @@ def table(rows: Iterable[Any], name: str, /, **fields: Any) -> str:
 
 
 def columns_of(name: str) -> dict[str, str]:
-    """Headings and cells of one of `texts/tables.toml`."""
+    """Formats of cells by heading, of a table of `texts/tables.toml`; KeyError if there is none of that name."""
     return {head: cell for head, cell in _TABLES[name].items() if head not in ("left", "right")}
 
 

@@ -328,7 +328,7 @@ def _librates(theta: np.ndarray) -> bool:
 
 
 def saddle_growth(ellipsoid: Ellipsoid) -> float:
-    """Exponent of the saddle (π/2, π/2) of the section, per half turn."""
+    """Exponent of the saddle (π/2, π/2) of the section, per half turn; RuntimeError if the orbit's run fails."""
     # The map next to it has determinant one and, by the reversal φ → -φ, equal diagonal elements
     # cosh λ. So the first section point from ψ = π/2 - δ lies at a distance of δ cosh λ. It comes
     # after about one half turn, within the 1.5 that are followed.

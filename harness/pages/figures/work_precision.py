@@ -152,7 +152,11 @@ class _LineName(NamedTuple):
 def conditions(
     runs: pd.DataFrame, machine: str, repeats: str = f"fastest of up to {MOST_RUNS}"
 ) -> str:
-    """Tolerances, machine, repeats and their spread, as figures of times name them."""
+    """Tolerances, machine, repeats and their spread, in sentences, as figures of times name them.
+
+    `runs` has the columns "tolerance" and "seconds"; the spread is left out without "seconds_spread". `machine`
+    may be empty. `repeats` says which of the repeats counts.
+    """
     tolerances: Any = runs["tolerance"].dropna().astype(float)
     parts = []
     if len(tolerances):
@@ -182,6 +186,11 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
         Records of one scene (`polhode.harness.analysis.frames.frame`).
     error : str
         Column to draw along x.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes given.
     """
     # Runs that fail have no seconds.
     done = where(runs, runs["seconds"].notna() & runs[error].notna())
@@ -453,7 +462,8 @@ def panels(
 ) -> Figure:
     """Panels of `work_precision` below each other, for each title and its runs; `alike` ones share their axes.
 
-    Decades of the error and of the time have one length. The key stands on top, `note` below.
+    `error` is the column to draw, `label` its name on the axis. Decades of the error and of the time have
+    one length. The key stands on top, `note` below.
     """
     everything = pd.concat([runs for _, runs in groups])
     limits = []
