@@ -39,7 +39,10 @@ _SLACK = 1e-12
 
 @dataclass(frozen=True)
 class EulerStart:
-    """Start from Euler angles (θ, φ, ψ) in rad and their rates in units of the shear rate."""
+    """Start from Euler angles (θ, φ, ψ) in rad and their rates in units of the shear rate.
+
+    Raises ValueError for a number that is not finite or exceeds `_LARGEST`, as the other two starts do.
+    """
 
     angles: Triple
     rates: Triple = (0.0, 0.0, 0.0)
@@ -61,7 +64,10 @@ class EulerStart:
 
 @dataclass(frozen=True)
 class BodyStart:
-    """Start from a quaternion, normalised here, and the body angular velocity in units of the shear rate."""
+    """Start from a quaternion, normalised here, and the body angular velocity in units of the shear rate.
+
+    Raises ValueError for a quaternion of zeros, too.
+    """
 
     quaternion: Quaternion
     angular_velocity: Triple = (0.0, 0.0, 0.0)
@@ -76,7 +82,7 @@ class BodyStart:
             )
         # A normalised quaternion is not divided again: a scene stays what it is when its file is read.
         if abs(norm - 1) > _NORM_ROUNDING:
-            # Denormal numbers have no quotients; powers of two leave all others as they are.
+            # Quotients of denormal numbers lose digits; powers of two leave those of all others as they are.
             scaled = [ldexp(component, -frexp(norm)[1]) for component in self.quaternion]
             q0, q1, q2, q3 = (component / hypot(*scaled) for component in scaled)
             object.__setattr__(self, "quaternion", (q0, q1, q2, q3))
@@ -89,7 +95,10 @@ class BodyStart:
 
 @dataclass(frozen=True)
 class SlowStart:
-    """Start from the slow variables alone, for averaged forms: L in space axes and E."""
+    """Start from the slow variables alone, for averaged forms: L in space axes and E, in the units of `Observables`.
+
+    Raises ValueError for an energy below 0 or above `MAX_NUMBER`, too.
+    """
 
     angular_momentum: Triple
     energy: float
@@ -123,11 +132,11 @@ class Scene:
     ----------
     ellipsoid : Ellipsoid
     stokes : float
-        Stokes number, 0 <= St <= inf. At St = 0 the angular velocity is Jeffery's, whatever the
+        Stokes number, 0 or from `_LEAST` to inf. At St = 0 the angular velocity is Jeffery's, whatever the
         start says.
     start : EulerStart, BodyStart or SlowStart
     time : float
-        Duration in units of the inverse shear rate, finite and positive.
+        Duration in units of the inverse shear rate, finite, from `_LEAST` on.
     flow : Flow, optional
         The ambient flow; by default simple shear, which has equations of its own. Shear's own
         gradient means the same and becomes None.
@@ -135,8 +144,8 @@ class Scene:
     Raises
     ------
     ValueError
-        If St or the duration is out of range, or the shape cannot have the L and E of a
-        `SlowStart`.
+        If an argument is of another type, St, the duration or t/St is out of range, a flow's track does
+        not cover the run, or the shape cannot have the L and E of a `SlowStart`.
     """
 
     ellipsoid: Ellipsoid
@@ -190,7 +199,7 @@ class Scene:
                 )
 
     def later(self, elapsed: float, start: Start, time: float) -> "Scene":
-        """The scene that goes on after some time from a start, for another time."""
+        """The scene that goes on from a start after `elapsed`, for another `time`, in inverse shear rates."""
         flow = self.flow if self.flow is None else self.flow.after(elapsed)
         return replace(self, start=start, time=time, flow=flow)
 
@@ -208,7 +217,10 @@ class Scene:
 
     @cached_property
     def angular_velocity(self) -> Triple:
-        """Body angular velocity at the start in units of the shear rate: Jeffery's at St = 0, none of a `SlowStart`."""
+        """Body angular velocity at the start in units of the shear rate, Jeffery's at St = 0.
+
+        Raises ValueError for a `SlowStart`, which has none.
+        """
         if isinstance(self.start, SlowStart):
             raise ValueError(
                 "start: L and E alone determine no angular velocity, expected an orientation"
@@ -224,7 +236,7 @@ class Scene:
 
     @cached_property
     def initial_rotation(self) -> np.ndarray:
-        """Matrix t_ij at the start, shape (3, 3); NaN for a `SlowStart`."""
+        """Matrix t_ij at the start, shape (3, 3): row i is body axis i in space; NaN for a `SlowStart`."""
         if isinstance(self.start, SlowStart):
             return np.full((3, 3), np.nan)
         return rotation.matrix_from_quaternion(np.array(self.start.quaternion))

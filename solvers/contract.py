@@ -31,13 +31,13 @@ _NEAR = 0.05
 # By this factor chunks are shorter then: some 1 to 6 ms. An estimate: a run passes its limit by as much.
 _OFTEN = 16
 
-# A run crawls if its steps are shorter than this share of the steps before, and if more than
+# A run crawls if its steps are shorter than this share of the longest before, and if more than
 # `_MAX_STEPS_AHEAD` are left: minutes of compiled code. Relaxation oscillations shrink their steps
 # as far, for a few steps. The share is an estimate: with the other bound beside it, no run is stopped
 # that would end within minutes.
 _CRAWLING = 1e-3
 _MAX_STEPS_AHEAD = 1e8
-# Steps count as shrunk below this share of the steps before, by estimate. A run of a user's
+# Steps count as shrunk below this share of the longest before, by estimate. A run of a user's
 # function with such steps is examined: it may have stepped over a singularity
 # (`solvers.singularity.jumped`). A larger share costs more runs that time.
 _SHRUNK = 0.1
@@ -130,7 +130,7 @@ class Settings:
     max_step: float = inf  # largest step, in the problem's time
     first_step: float | None = None  # by default the library's guess
     # The one tolerance of a run whose relative and absolute ones are equal; else the least relative
-    # one. It is computed once, as a run reads it six times.
+    # one. It is computed once, as a run reads it several times.
     tolerance: float = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -423,7 +423,7 @@ class Solver(ABC):
         max_step: float = inf,
         first_step: float | None = None,
     ) -> Settings:
-        """Settings for this solver; a backend or Jacobian not named is the first offered one that is installed.
+        """Settings for this solver; a backend or Jacobian not named is the first one installed, or the last offered.
 
         A SolverNotValidError names a tolerance or limit out of range, a choice not offered, or what
         a choice needs.

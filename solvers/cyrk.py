@@ -57,8 +57,8 @@ _CHUNK = 20_000
 # Steps before the first look for events; from look to look there are more of them, up to `_CHUNK`. An
 # estimate: a terminal event soon after the start costs as many steps.
 _FIRST_LOOK = 256
-# Shares of the steps of a chunk that failed, up to which it is run again. Estimates: behind the share
-# that succeeds, events are placed on straight lines.
+# Shares of the steps of a call that was cut short, up to which it is run again where events are sought: the
+# first that succeeds counts. Estimates: behind that share, events are placed on straight lines.
 _SHARES = (1.0, 0.98, 0.9, 0.5)
 # Steps after which the path in `followed` ends. An estimate: averaged equations take far fewer, and where
 # they do not, averaging breaks down.
@@ -266,7 +266,7 @@ class CyrkSolver(Solver):
     def bare_call(
         self, problem: Problem, settings: Settings, times: np.ndarray
     ) -> Callable[[], object] | None:
-        """CyRK's C entry with these times; its rows stay there."""
+        """One call of CyRK's entry with these times; its rows stay there."""
         call = self._call(problem, replace(settings, count=False), np.empty(0))
         start = np.array(problem.start)
         end = float(times[-1])
@@ -285,7 +285,10 @@ def method_number(name: str) -> int:
 
 
 class Call:
-    """The library's C entry with everything bound but the segment to run: field, number of the method, parameters."""
+    """The library's entry with everything bound but the segment to run: field, number of the method, parameters.
+
+    It is the C entry, or with a Jacobian the C++ one.
+    """
 
     def __init__(
         self,
@@ -317,9 +320,9 @@ class Call:
         self.parameters_address = address_of(parameters)
 
     def begins(self, state: np.ndarray, switching: bool = False) -> bool:
-        """Whether rates have a norm at a state; else the library, but for LSODA, would look for a step without end.
+        """Whether rates at a state, shape (d,), have a norm; else the library would look for a step without end.
 
-        LSODA is the method that is `switching`: it needs rates that are finite beside the tolerance.
+        LSODA, the method that is `switching`, would not: it needs rates that are finite beside the tolerance.
         """
         rates = np.empty_like(state)
         with self.flushed_to_zero:
@@ -397,8 +400,9 @@ class Call:
 def _run(call: Call, record: Record) -> Outcome:
     """Fill the record's rows, by calls of at most `_CHUNK` steps.
 
-    If events are sought, a call gives all its steps, and the next one begins with the length of
-    the last step. Otherwise it gives the rows alone, and the library guesses each first step.
+    The first call begins with the `first_step` of the settings. If events are sought, a call gives all its
+    steps, and the next one begins with the length of the last step. Otherwise it gives the rows alone, and
+    the library guesses the first step of the next call.
     """
     library = call.library
     dimension = len(record.start)

@@ -29,8 +29,9 @@ Array = np.ndarray
 # Largest rho at which a run is averaged. An estimate: there third-order terms exceed second-order ones by
 # the estimate of `path._MARGIN`, so that the expansion in 1/St means nothing.
 _MAX_RHO = 0.35
-# The highest harmonic of the torque in a phase: an error φ of the phase, in rad, makes an error of
-# this many φ rho |L| in what the generator puts back.
+# An error φ of the angles by their lag, in rad, makes an error of this many φ rho |L| in what the generator puts
+# back. An estimate: the highest harmonic of a spheroid's torque in its phase. Errors of the angles by lasting
+# errors count once.
 _HARMONIC = 2
 # Share of the requested error that averaging may cost; by trial.
 _SHARE_OF_AVERAGING = 0.5
@@ -77,7 +78,8 @@ class PlannedSegment:
     end: float
     second_order: bool
     reason: str = ""
-    error: float = 0.0  # of L and E, over I_max, that averaging adds to the run's largest one
+    # By how much averaging here raises the run's largest error of L and E, over I_max.
+    error: float = 0.0
     decisive: bool = False  # whether the run behind it needs a new outline
     # Error in rad that averaging adds to angles at once: what `AveragingErrors` has as `at_once` and `lag`.
     swing: float = 0.0
@@ -121,17 +123,19 @@ class Ahead:
 
     An error e = (z, φ) of (|L|, E) and of (α, β) turns the phase of a kick by k·φ, and so the kick.
     At random phases the mean square of the error at the end of the run is e·Ge. From the end of the
-    run backwards, G takes two steps at each kick.
+    run backwards, G takes two steps for each kick.
 
-    - At the kick, its mean square times k kᵀ is added to the last 2 x 2 entries.
-    - From one kick to the next, G becomes MᵀGM. B is what the angles turn on the way per error of
-      (|L|, E)::
+    - Back to the kick, from the next one or from the end, G becomes MᵀGM. B is what the angles turn on
+      the way per error of (|L|, E)::
 
                 |L| E  α  β
             M = | 1  0  0  0 |  |L|
                 | 0  1  0  0 |  E
                 |  B    1  0 |  α
                 |       0  1 |  β
+
+    - At the kick, the mean square of the error that it makes, times k kᵀ, is added to the last 2 x 2
+      entries.
     """
 
     path: Path
@@ -141,9 +145,9 @@ class Ahead:
 
     @classmethod
     def of(cls, path: Path, budget: float) -> "Ahead":
-        """The kicks of a path, where full segments are to miss no more than a budget.
+        """The kicks of a path; those that may be left out, and the full segments of others, follow from a budget.
 
-        The budget is an error of L and E, over I_max.
+        The budget is the requested error of L and E, over I_max.
         """
         strong = dict[Kick, float]()
         left = dict[Kick, float]()
@@ -248,7 +252,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     ahead = Ahead.of(path, budget)
     kicks = path.kicks
     if kicks:
-        # A full segment may be shorter than the path's steps.
+        # A full segment may be shorter than the path's steps. A kick left out is looked at within its width.
         halves = [ahead.strong.get(kick, kick.width) for kick in kicks]
         path = path.at(np.outer(_HALF_WIDTHS, halves) + [kick.time for kick in kicks])
     times = path.times
@@ -289,7 +293,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
         allowed, path, gains, growth, swing_per_radian
     )
     cause[averaged & ((gains > level) | (local_errors > allowed))] = _INACCURATE
-    # The lag of the angles puts the swing back wrongly too: by twice its size at most, however large it is.
+    # The lag of the angles puts the swing back wrongly too: by twice the swing at most, however large the lag is.
     lag = path.lag(np.where(cause == 0, swing, 0))
     local_errors = local_errors + _HARMONIC * np.minimum(lag, 1) * swing * path.scale
     cause[(cause == 0) & (local_errors > allowed)] = _INACCURATE
@@ -414,7 +418,7 @@ def _segments(
 
 
 def _ranges(between: Array, turns: Array) -> list[tuple[int, int]]:
-    """First and last points of segments; short ones between full segments join them.
+    """First and last points of segments; a short averaged one behind a full one joins it.
 
     `between` has the cause of each step of the path, 0 where it is averaged, and `turns` the turns of
     the body until each point.

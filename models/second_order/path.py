@@ -55,8 +55,8 @@ _MARGIN = 3.6
 # Third-order terms over first-order ones times the square of the damping in a radian; by trial.
 _DAMPED = 0.05
 # Error beside a resonance over the product of the mode's swing and the share by which it changes the mode's
-# frequency: 4 to 7 in random bodies. The slow start misses as much as the swing does later, and directions of L
-# swing more than |L|.
+# frequency; by trial, 4 to 7 in random bodies. The slow start misses as much as the swing does later, and
+# directions of L swing more than |L|.
 _ERROR_BESIDE_RESONANCE = 5.0
 # Least speed at which the shear turns a body, in rad per unit of time: half its rate.
 LEAST_SPEED = 0.5
@@ -140,7 +140,7 @@ class Path:
 
     @cached_property
     def a2(self) -> Array:
-        """a² = -ln(1 - x), shape (m,); inf on L² = 2EI₂ and beyond the tables, 0 for a spheroid."""
+        """a² = -ln(1 - x), shape (m,), 0 for a spheroid; inf from `_DEEPEST` on and where |L| is 0."""
         if self.ellipsoid.kind != "triaxial":
             return np.zeros(len(self.times))
         axis, width = _range(self.ellipsoid, self.longest)
@@ -214,7 +214,7 @@ class Path:
 
     @cached_property
     def smaller(self) -> Array:
-        """Ratio of third-order terms to second-order ones: rho, or the change of L in a radian."""
+        """Ratio of third-order terms to second-order ones: by rho and the change of L in a radian, together."""
         slow = self.change / np.maximum(self.size, TINY) * self.torque_factor / self.speed
         return np.hypot(_MARGIN * self.swing, slow)
 
@@ -357,8 +357,8 @@ class Path:
         """The modes of n resonances, rows of `Table.resonances`, in slow time.
 
         `slow` is (L, E) and `rates` is `Path.rates`, shapes (n, 4) and (n, 2, 2), where each mode is met.
-        Returns |L|, the modes of L' and of (|L|', E') over I_max, and St D' by the latter: shapes (n,), (n,),
-        (n, 2) and (n,), D = k₁ν₁ + k₂ν₂ the frequency.
+        Returns |L|, the modes of L' and of (|L|', E') over I_max, and the mode of (|L| D)' that the latter
+        makes, D = k₁ν₁ + k₂ν₂: shapes (n,), (n,), (n, 2) and (n,).
         """
         k1, k2, there = resonances[:, :3].T
         unit = max(self.ellipsoid.inertia)
@@ -379,9 +379,10 @@ class Path:
         return size, strength, along, turned
 
     def crossings(self) -> list[Kick]:
-        """Jumps at L² = 2EI₂, as kicks by the phase α.
+        """Jumps at L² = 2EI₂, as kicks by the phase α: one wherever `a2` becomes infinite.
 
-        Their size of infinity says that none is left out, their width of 0 that they are no resonances.
+        Their size of infinity says that none is left out for a finite budget, their width of 0 that they are
+        no resonances.
         """
         inside = np.isfinite(self.a2)
         unit = max(self.ellipsoid.inertia)
@@ -462,7 +463,10 @@ class Path:
 
 @once(size=_CACHED_PATHS)
 def path_of(scene: Scene) -> Path:
-    """The path of a scene, cached for outlines with other budgets."""
+    """The path of a scene, cached for outlines with other budgets.
+
+    Raises FormNotValidError if the library that follows paths is missing.
+    """
     try:
         return Path.of(scene)
     except ModuleNotFoundError as error:
@@ -473,6 +477,7 @@ def path_of(scene: Scene) -> Path:
 
 def plain_dephasing(ellipsoid: Ellipsoid) -> float:
     """`Path.dephasing` of a body with |ω| <= 1, away from L² = 2EI₂."""
+    # The body precesses at about |L|/I₂, a spheroid exactly so: the rate of an error over I_max.
     _, middle, high = sorted(ellipsoid.inertia)
     return high / middle
 

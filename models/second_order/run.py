@@ -80,7 +80,7 @@ class Entry:
         )
 
     def _exact(self, states: Array) -> tuple[Array, Array]:
-        """L and R of the exact poses."""
+        """L and R of the exact poses; the columns of R are the permuted body axes in space."""
         alpha, beta = (
             phase + states[:, sigma] / self.torque_factor
             for sigma, phase in zip(_SIGMAS, self.phases, strict=True)
@@ -162,7 +162,7 @@ def _slow_start(
 def _place(series: Series, z: Array) -> Place | None:
     """Place on the torus of a body in which n has the components z, shape (3,).
 
-    None beyond L² = 2EI₂.
+    None on L² = 2EI₂ and beyond.
     """
     with IMPORTS:
         from scipy.special import ellipkinc, ellipkm1

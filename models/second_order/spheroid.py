@@ -309,9 +309,10 @@ def cross(u: Triple, v: Triple) -> Triple:
 def orders(
     spheroid: Spheroid, torque_factor: float, slow: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Size of the transformation, and |L'| or |E'| of second order over I_max.
+    """Size of the transformation, and the larger one of |L'| and |E'| of second order over I_max, shape (m,) each.
 
-    The size is the largest change of L over |L| plus the change of p.
+    `slow` is (L, E) as `Observables` has them, shape (m, 4). The size is the largest change of L over |L| plus
+    the change of p.
     """
     # Here l is |L| over I_e, and E is over I_e, too.
     *momentum, energy = (slow / spheroid.equatorial_inertia).T.copy()

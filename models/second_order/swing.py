@@ -33,8 +33,8 @@ Array = np.ndarray
 # change.
 VERSION = 4
 # Chebyshev nodes in a, from 0 to the end of the tables. This number and the next two are estimates. With
-# them the transformation is right to 1e-9 of itself near a principal axis and to 1e-4 at the end of the
-# tables, at least (tests/models/second_order/test_swing.py).
+# them the transformation is right to 1e-9 of itself near a principal axis, and to 1e-4 for a² from 3 to 5
+# (tests/models/second_order/test_swing.py).
 _NODES = 40
 # Polhode phases at each node.
 _PHASES = 96
@@ -47,8 +47,9 @@ DEPTHS = 0.5 * sqrt(MAX_A2) * (1 + np.cos(_ANGLES))
 # Terms of the rates are left out below this share of the largest one, times St: the transformation is
 # over St, so that they are rounding of the pose.
 _FAINT = 1e-14
-# Least and largest of these shares, whatever St is. The largest is the error of an output, over the
-# transformation, that docs/second-order.md allows.
+# Least and largest of these shares, whatever St is. The least is an estimate: a smaller one adds terms below the
+# errors of the series (`_NODES`). The largest is the error of an output, over the transformation, that
+# docs/second-order.md allows.
 LEAST_FAINT = 1e-11
 MOST_FAINT = 1e-6
 # Share of the largest below which terms of χ and of the change of n per y are left out. χ is a part of
@@ -245,9 +246,9 @@ _SINE_OR_COSINE = [1, 2, 5, 6]
 
 
 def coefficients(q: Array, size: Array) -> Array:
-    """The tensors' c, shape (m, 6), from frames Q, shape (m, 3, 3), and |L|.
+    """The tensors' c, shape (m, 6), from frames Q, shape (m, 3, 3), and |L|, shape (m,).
 
-    Q's rows x and y are the flow's.
+    The first two rows of Q are the flow's directions x and y in the frame of L.
     """
     x1, x2, x3, y1, y2, y3 = _columns(q[:, :2].reshape(-1, 6))
     x = x1 + 1j * x2
@@ -258,7 +259,10 @@ def coefficients(q: Array, size: Array) -> Array:
 
 
 def frame(n: Array, first: Array, turn: Array) -> Array:
-    """Q, shape (m, 3, 3), turned about n: columns e₁, n × e₁, n."""
+    """Q, shape (m, 3, 3), of columns e₁, n × e₁ and n, turned about n by `turn`, in rad.
+
+    `n` and `first` have shape (m, 3). e₁ is the part of `first` across n, at unit length.
+    """
     first = first - np.sum(n * first, axis=1)[:, None] * n
     first = first / np.linalg.norm(first, axis=1)[:, None]
     cos = np.cos(turn)[:, None]
@@ -268,7 +272,7 @@ def frame(n: Array, first: Array, turn: Array) -> Array:
 
 
 def frame_of(momentum: Array) -> Array:
-    """Frames Q of L alone, shape (m, 3, 3)."""
+    """Frames Q of L alone, shape (m, 3, 3): e₁ is the part across L of the space axis that is farthest from L."""
     n = momentum / np.linalg.norm(momentum, axis=1)[:, None]
     return frame(n, np.eye(3)[np.argmin(np.abs(n), axis=1)], np.zeros(1))
 
@@ -358,7 +362,10 @@ def _triple(vectors: Array) -> Triple:
 
 
 def tails(x: Array, q: Array) -> tuple[Array, Array]:
-    """Finite values in place of 1/x² and 1/x, where a divisor x changes by q in a radian."""
+    """Finite complex values in place of 1/x² and 1/x, where a divisor x changes by q in a radian.
+
+    x, q and both results have one shape.
+    """
     # The integral of the mode from long before its resonance, or behind the resonance to long after
     # it, and the integral of that integral: near the resonance by Faddeeva's function, elsewhere by
     # its asymptotic series in q/x².
@@ -417,7 +424,7 @@ class Place:
         return (amplitudes @ waves).reshape(-1, 8)[:, _SINE_OR_COSINE]
 
     def swing(self, q: Array, size: Array, torque_factor: float) -> tuple[Array, Array]:
-        """Changes of L and turns of R in space, in frames Q, shape (m, 3, 3), at |L|."""
+        """Changes of L and turns of R, in rad, in space, in frames Q, shape (m, 3, 3), at |L|, shape (m,)."""
         added = q @ self.moved(coefficients(q, size), size, torque_factor)
         return added[..., 0], added[..., 1]
 
@@ -464,7 +471,7 @@ class Place:
         products = self._products(nu, c, scale, torque_factor)
         places, factors, sources, first = _SUMMANDS
         summands = (np.take(products, places, axis=1) * factors).view(complex)
-        # β = -χ: exp(-ikχ) goes with each c, and what is across L turns once more.
+        # As β is -χ, each c is multiplied by exp(ikχ), and what is across L by exp(-iχ) besides.
         c = c.copy()
         ahead = np.exp(1j * self.shape[:, :1])
         c[:, :3] *= ahead
@@ -575,5 +582,5 @@ def modes_at(
 
 
 def _columns(rows: Array) -> Any:
-    """Columns of an array; of a single row they are floats, which cost a tenth of arrays of one."""
+    """Columns of an array; of a single row they are Python's numbers, which cost a tenth of arrays of one."""
     return rows[0].tolist() if len(rows) == 1 else rows.T

@@ -53,7 +53,8 @@ _NO_STRENGTH = 1e-30
 _SEARCHED = (-1.1, 1.2)
 # Points of that search: resonances of one mode closer than 0.02 in a² would be missed. An estimate.
 _SEARCH_POINTS = 400
-# Step in t of the differences of Newton's method.
+# Step in t of the differences of Newton's method. An estimate: the slopes err by the square of the step, and by
+# rounding over the step.
 _NEWTON_STEP = 1e-5
 # Steps of Newton's method. An estimate: the straight line between two points of the search is off by
 # some 1e-5, and each step squares that.
@@ -105,15 +106,18 @@ class Table:
 
 @dataclass(frozen=True, eq=False)
 class Kick:
-    """A resonance that a path passes; it changes L by `size`, over I_max."""
+    """A resonance that a path passes; it changes L by `size`, over I_max.
+
+    Times are slow times, and D is the divisor of the mode.
+    """
 
     time: float
     size: float
-    mode: tuple[int, int]
-    width: float  # time that the phase takes to turn by a radian there
+    mode: tuple[int, int]  # (k₁, k₂)
+    width: float  # √(1/(St |dD/dt₂|)): in this time the phase turns by half a radian from the resonance on
     # Its change of (|L|, E), over I_max, complex: the real part belongs to the phase that occurs.
     along: Array
-    bend: float  # by how much the mode changes dD/dt, over that
+    bend: float  # by how much the mode changes dD/dt₂, over that
     drift: float  # change of a² in its width
 
     def half_width(self, budget: float) -> float:
@@ -305,9 +309,9 @@ def series_of(values: Array) -> Array:
 
 
 def second(averaged: Table, unit: float, slow: Array, a2: Array, steep: Array) -> Array:
-    """The larger one of |L'| and |E'| of second order, for (L, E), all over I_max.
+    """St times the larger one of |L'| and |E'| of second order, for (L, E), shape (m, 4), all over I_max.
 
-    `steep` is dh/d ln a².
+    `unit` is I_max, `steep` is dh/d ln a²; the result, a² and `steep` have shape (m,).
     """
     values = evaluated(averaged.series[_SECOND], 2 * a2 / MAX_A2 - 1)
     # Poles end at one width here, whatever St is; kicks count resonances apart.

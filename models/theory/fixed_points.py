@@ -20,7 +20,7 @@ class FixedPoint:
     # The body axis along the vorticity; a spheroid tumbles about an equatorial axis.
     rotation: Rotation
     # L and E of a triaxial ellipsoid (`lxmain`–`emain`), L and η of a spheroid
-    # (`lxsmain`–`nsmain`), L of a sphere.
+    # (`lxsmain`–`nsmain`), L of a sphere: L and E in the units of `Observables`, η in shear rates.
     state: tuple[float, ...]
     # Per unit of slow time, in the order of the paper: along L_x and L_y first. A singular point
     # has these two alone.
@@ -107,9 +107,9 @@ def attractors(
 ) -> tuple[Attractor, ...]:
     """Attractors in simple shear that are distinct from the other fixed points.
 
-    `radius` is the distance beyond `circle` that still counts as arrived; `circling` says whether
-    the equations hold the motion about the fixed point, which averaged ones do not. None at St = 0
-    and inf, nor any whose reach is half the distance of another fixed point or more: a shape close
+    `radius` is the distance in (L, E), over I_max, that still counts as arrived. `circling` says whether
+    the equations hold the motion about the fixed point, which averaged ones do not: then `circle` is added.
+    None at St = 0 and inf, nor any whose reach is half the distance of another fixed point or more: a shape close
     to a sphere, or a small St.
     """
     if stokes in (0, inf):

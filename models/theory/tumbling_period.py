@@ -21,7 +21,8 @@ _FIRST_NODES = 32
 _MOST_NODES = 2048
 # Steps of Newton's method. It converges quadratically from the marched guess: more would not help.
 _MOST_STEPS = 20
-# Largest step of Newton's method, over w: w stays positive, as it does for any share below 1.
+# Largest decrease of w in a step of Newton's method, over w: w stays positive, as it does for any share
+# below 1.
 _MOST_CHANGE = 0.5
 # Newton's method ends when no w changes by more than this, relative: as it converges quadratically,
 # the square of it, far below rounding, is left.

@@ -60,10 +60,11 @@ _FIRST_STEP = 1e-2
 # The step over the run's duration below which a particle has failed: a few roundings of the time.
 _LEAST_STEP = 1e-15
 # A particle is given up after this many steps over tolerance^(1/5) and further ones per relaxation
-# time: three times the steps of the slowest of 20 000. If L shrinks to nothing, averaging breaks
-# down, E falls below the tolerance, and steps stay tiny without end.
+# time: three times the steps of the slowest of 20 000, which no command repeats. If L shrinks to nothing,
+# averaging breaks down, E falls below the tolerance, and steps stay tiny without end.
 _MOST_STEPS = 16.0
-# Further steps per relaxation time: stability bounds a step by 3.3 such times.
+# Further steps per relaxation time; an estimate. Stability bounds a step by 3.3 such times, so that it asks
+# for one in 3.3 alone.
 _STEPS_PER_RELAXATION = 4.0
 # Particles under way at once, whose path of `_STEPS` steps is a megabyte or two; an estimate.
 AT_ONCE = 1024

@@ -220,6 +220,7 @@ class _Reference:
 def _reference(
     problem: Problem, sample: Array, times: Array, tolerance: float, steps: int
 ) -> _Reference | None:
+    """The sample by DOP853, its steps doubled from a first number on until they are sure; None if they never are."""
     by = method(RUNGE_KUTTA, problem)
     before = None
     rounding = float(np.finfo(float).eps)

@@ -39,8 +39,8 @@ def run_batches(
     States of a particle that failed are NaN. Particles of like speed share a batch, so that no lane
     waits long for the others. The problem has no periodic components, whose angles would need
     wrapping; the times increase from 0 to the end; the tolerance is heyoka's `tol`. A particle that
-    needs more than `max_steps` steps has failed. Without heyoka the particles run one by one, with
-    that module's own limit.
+    needs more than `max_steps` steps has failed. Without heyoka the particles run by `run_one_by_one`,
+    with its own limit of steps.
     """
     if not installed("heyoka"):
         if own_parameters is not None:

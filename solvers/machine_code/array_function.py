@@ -1,7 +1,7 @@
 """A compiled field as a built-in function of Python over NumPy arrays: a call takes 30 ns, through ctypes 900.
 
-No command repeats these two times: they are estimates. It reads inner layouts of Python and NumPy.
-Without it whole runs of the solvers that call a field back take 1.05 to 1.6 times as long: LSODA 1.5
+No command repeats these two times: they are estimates. The function reads inner layouts of Python and
+NumPy. Without it whole runs of the solvers that call a field back take 1.05 to 1.6 times as long: LSODA 1.5
 to 1.6, CVODE 1.3, SciPy's Radau 1.1 (`tests/benchmarks/array_function.py`, the paper's ellipsoid,
 St = 10 and 0.01).
 """

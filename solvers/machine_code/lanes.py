@@ -41,7 +41,7 @@ class Lanes:
 
 
 def by_particle(states: np.ndarray, particles: int) -> np.ndarray:
-    """States in lanes as states of particles, shape (particles, rows, d), components in blocks."""
+    """States in lanes as states of particles, shape (particles, rows, d), one component after another in memory."""
     groups, rows, dimension, wide = states.shape
     return np.moveaxis(states.transpose(2, 0, 3, 1).reshape(dimension, groups * wide, rows), 0, 2)[
         :particles

@@ -79,7 +79,7 @@ class Flows:
     Chains are compositions of flows beside each other, each in a SIMD lane. Row i of an array of
     constants belongs to stage i: it holds the constants of a fast flow, then of the slow flow behind
     it. An array for s stages has s + 2 rows. Row s has the last fast flow of a step. Row s + 1, of one
-    chain alone, has the last fast flow and the first one of the next step, which are one of both times.
+    chain alone, has the last fast flow and the first one of the next step, as one flow of both times.
     """
 
     def __init__(self, parts: Parts, dimension: int, number: type = float, chains: int = 1) -> None:

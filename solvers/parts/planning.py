@@ -27,8 +27,8 @@ _POWER = 2.0
 _COEFFICIENT = 6e-7
 # Steps ``H r**-EXPONENT`` err alike; they lie between steps equal in angle (1) and in time (0).
 _EXPONENT = 1 - _POWER / _ORDER
-# First guess of the ratio of errors to the law: SCALE (s²/f)**SHARE, s the strength of the torque
-# and f the rate at which it is forgotten. Estimates, by which most short runs need one check.
+# First guess of the ratio of errors to the law: SCALE (s²/f)**SHARE. Of `models.problem.Parts`, s is the strength and
+# f the forgetting, per unit of time. Estimates, by which most short runs need one check.
 _SCALE = 1.4
 _SHARE = 0.6
 # Error aimed at over the tolerance: estimates may be off, and what follows the check may amplify.
@@ -52,7 +52,7 @@ _WHOLE_DAMPED = 4.0
 _MOST_WHOLE_TURNS = 200.0
 # Turns at the beginning and at the end of a check over which means are taken; an estimate.
 _MEAN_TURNS = 5.0
-# These turns, if a check is longer than this many times as many; an estimate.
+# A check that is not longer than this many times `_MEAN_TURNS` takes means over its halves; an estimate.
 _MIN_SPANS = 4
 # Steps of a check's second run over the steps of its first run. An estimate: nearer to 1 the two runs differ by
 # less, and by more of rounding; farther from it the second one costs more.
