@@ -28,6 +28,7 @@ SOLVERS: "Catalogue[Solver]" = Catalogue(
         "exact": "polhode.solvers.exact:Exact",
     },
 )
+# The solver of a name, or of a "module:class" outside; raises `registry.NotFoundError` for another.
 solver = SOLVERS.find
 Base = TypeVar("Base", bound="Solver")
 

@@ -176,7 +176,7 @@ def looks(steps: np.ndarray) -> np.ndarray:
     """Equispaced times within steps, and their ends.
 
     `steps` holds the ends of n steps, shape (n + 1,); the first step starts at the last look, whose
-    time is left out. The result has shape (9n,), as a step has 8 looks within.
+    time is left out. A step has `_LOOKS_WITHIN_STEP` looks within and one at its end: n times as many in all.
     """
     parts = _LOOKS_WITHIN_STEP + 1
     # Places as numbers of steps from the beginning, such as 2 and 3/9.

@@ -39,7 +39,8 @@ _KICKED = 240
 _SMOOTH = 100
 # Paths that are cached. An estimate: a scene is asked for again at once, with other budgets.
 _CACHED_PATHS = 16
-# |L| over I_max below which a body does not rotate.
+# |L| over I_max below which a body does not rotate. An estimate: far above the rounding of L, and far below any |L|
+# at which averaging holds.
 TINY = 1e-12
 # Least distance of two times of a path, over the whole run: between times that differ by rounding alone,
 # rates are noise. An estimate, some 5000 roundings.
@@ -60,9 +61,9 @@ _DAMPED = 0.05
 _ERROR_BESIDE_RESONANCE = 5.0
 # Least speed at which the shear turns a body, in rad per unit of time: half its rate.
 LEAST_SPEED = 0.5
-# Jump of a phase at L² = 2EI₂: E changes by ln(2 sin α)/(4K) of what a polhode takes, the mean
-# square of cot α being this over 97.5 % of the phases α (Neishtadt, Sov. J. Plasma Phys. 12, 1986).
-# At the end of the tables the elliptic integral 4K is some 15; 4π, which is less, is taken for it.
+# Mean square of cot α over 97.5 % of the phases α at L² = 2EI₂. There E jumps by ln(2 sin α)/(4K) of what a polhode
+# takes (Neishtadt, Sov. J. Plasma Phys. 12, 1986), so that the jump changes with α by cot α/(4K) of that. At the end
+# of the tables the elliptic integral 4K is some 15; 4π, which is less, is taken for it.
 _SADDLE = 15.0
 # Square of the slow time, in 1/(St times the slowest damping rate), in which |L| rises from 0 far
 # enough; by trial.
@@ -477,7 +478,8 @@ def path_of(scene: Scene) -> Path:
 
 def plain_dephasing(ellipsoid: Ellipsoid) -> float:
     """`Path.dephasing` of a body with |ω| <= 1, away from L² = 2EI₂."""
-    # The body precesses at about |L|/I₂, a spheroid exactly so: the rate of an error over I_max.
+    # The body precesses at about |L|/I₂, a spheroid exactly so. An error e of |L| over I_max changes this
+    # rate by e I_max/I₂.
     _, middle, high = sorted(ellipsoid.inertia)
     return high / middle
 

@@ -1,4 +1,4 @@
-"""Polhodes of a triaxial ellipsoid on one side of L² = 2EI₂, at equal phases, and frequencies.
+"""Polhodes of a triaxial ellipsoid on one side of L² = 2EI₂, at equispaced phases, and frequencies.
 
 Body axes are permuted so that the polhode circles axis 3 and axis 2 is the intermediate one; with
 i_j = 1/I_j, h = 2E/L² lies between i₃ and i₂, and y = ln((h - i₃)/(i₂ - h)) is the variable used
@@ -103,7 +103,7 @@ class SidedBody:
 class Polhodes:
     """Polhodes of m values of y, shape (m,).
 
-    Each has an even number `nodes` of phases from `phase`, shape (m,), on.
+    Each has an even number `nodes` of equispaced phases, in rad, from `phase`, shape (m,), on.
     """
 
     side: SidedBody

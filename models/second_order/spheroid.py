@@ -30,7 +30,7 @@ Polynomial = tuple[float, ...]
 
 # The components of a vector, numbers or arrays.
 Triple = Sequence[Any]
-# Up to this many rows Python's floats are faster than arrays. The rows are the same either way, up to
+# Up to this many rows Python's floats are faster than arrays, by trial. The rows are the same either way, up to
 # rounding.
 _FEW = 6
 # How many of the parameters are of first order; they stand first.

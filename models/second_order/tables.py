@@ -38,7 +38,8 @@ MAX_A2 = 6.0
 # Angles of the Chebyshev points, in rad, and the a² there.
 _ANGLES = pi * (np.arange(NODES) + 0.5) / NODES
 _POINTS = 0.5 * MAX_A2 * (1 + np.cos(_ANGLES))
-# Powers of I_max that each coefficient carries when L is measured in it.
+# Powers of I_max that each coefficient carries when L is measured in it: they follow from the powers of l that stand
+# beside it in `averages`.
 _SCALES = dict.fromkeys(COEFFICIENTS, 3) | dict.fromkeys(("f2", "g2", "r1", "r2", "ea", "eb"), 1)
 _SCALES |= {"f0": 0, "g0": 0, "a1": 2, "b1": 2, "p1": 2, "p2": 2, "nu1": -1, "nu2": -1}
 # The functions of second order among all.
@@ -106,9 +107,9 @@ class Table:
 
 @dataclass(frozen=True, eq=False)
 class Kick:
-    """A resonance that a path passes; it changes L by `size`, over I_max.
+    """A resonance that a path passes, or a jump of `Path.crossings`; it changes L by `size`, over I_max.
 
-    Times are slow times, and D is the divisor of the mode.
+    Times are slow times, and D is the divisor of the mode, times |L|.
     """
 
     time: float

@@ -9,7 +9,7 @@ Q carries the frame of L (e₃ = n = L/l) to space, S the body
 least rotation that carries the body vector z = Rᵀn to e₃. Unperturbed, dα/dt = lν₁(h) and dβ/dt =
 lν₂(h).
 
-Arrays have shape (…, m, a, b): m states, a equal polhode phases and b equal precession phases
+Arrays have shape (…, m, a, b): m states, a equispaced polhode phases and b equispaced precession phases
 counted from the state's own, which is entry (0, 0). Leading axes stand for several L and flows of
 each polhode; vectors are triples of such arrays.
 """

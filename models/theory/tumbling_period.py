@@ -16,7 +16,7 @@ from polhode.models.libraries import IMPORTS
 from polhode.models.shape import Ellipsoid
 
 # Collocation nodes in half a turn: the first try, and the last one, as each try has twice as many.
-# The last resolves ratios a/b up to 1000 in seconds.
+# The first is an estimate, which costs time alone. The last resolves ratios a/b up to 1000 in seconds.
 _FIRST_NODES = 32
 _MOST_NODES = 2048
 # Steps of Newton's method. It converges quadratically from the marched guess: more would not help.
