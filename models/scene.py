@@ -144,8 +144,8 @@ class Scene:
     Raises
     ------
     ValueError
-        If an argument is of another type, St, the duration or t/St is out of range, a flow's track does
-        not cover the run, or the shape cannot have the L and E of a `SlowStart`.
+        If an argument is of another type, or St, the duration or t/St is out of range. If the flow's
+        track does not cover the run, or the shape cannot have the L and E of a `SlowStart`.
     """
 
     ellipsoid: Ellipsoid

@@ -57,8 +57,8 @@ _CHUNK = 20_000
 # Steps before the first look for events; from look to look there are more of them, up to `_CHUNK`. An
 # estimate: a terminal event soon after the start costs as many steps.
 _FIRST_LOOK = 256
-# Shares of the steps of a call that was cut short, up to which it is run again where events are sought: the
-# first that succeeds counts. Estimates: behind that share, events are placed on straight lines.
+# Where events are sought, a call that was cut short is run again, up to the first of these shares of its steps that
+# succeeds. Estimates: behind that share, events are placed on straight lines.
 _SHARES = (1.0, 0.98, 0.9, 0.5)
 # Steps after which the path in `followed` ends. An estimate: averaged equations take far fewer, and where
 # they do not, averaging breaks down.

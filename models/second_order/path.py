@@ -358,8 +358,8 @@ class Path:
         """The modes of n resonances, rows of `Table.resonances`, in slow time.
 
         `slow` is (L, E) and `rates` is `Path.rates`, shapes (n, 4) and (n, 2, 2), where each mode is met.
-        Returns |L|, the modes of L' and of (|L|', E') over I_max, and the mode of (|L| D)' that the latter
-        makes, D = k₁ν₁ + k₂ν₂: shapes (n,), (n,), (n, 2) and (n,).
+        Returns |L|, the modes of L' and of (|L|', E') over I_max, and the mode of (|L| D)', D = k₁ν₁ + k₂ν₂, that
+        the latter makes. Their shapes are (n,), (n,), (n, 2) and (n,).
         """
         k1, k2, there = resonances[:, :3].T
         unit = max(self.ellipsoid.inertia)

@@ -77,8 +77,8 @@ class Plan:
     apart: float
     # Bound of most errors of the sample (`_BOUNDED_SHARE`), before particles in doubt are run anew.
     error: float
-    # Cost of a particle from one time to the next, check and runs anew included; one unit is a slow and
-    # a fast flow of a splitting.
+    # Cost of these steps of a particle, check and runs anew included; one unit is a slow and a fast flow of a
+    # splitting.
     cost: float
 
 
