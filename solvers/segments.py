@@ -102,6 +102,13 @@ class Run:
             the rows finished so far.
         watch : callable, optional
             Is given each segment's record before the solver is.
+
+        Raises
+        ------
+        ValueError
+            If the solver refuses the first segment.
+        EventFailedError
+            If an event's function fails.
         """
         while self.status is Status.REACHED_END and self.now < self.end:
             steps_left = max_steps - (self.work.steps or 0)

@@ -32,12 +32,12 @@ _RADAU = ("cyrk-radau", "radau")
 # any. The factor is an estimate.
 _WITNESSES = ((_RADAU, 1.0), (_RADAU, 1e-3), (("cyrk-dop853", "dop853"), 1e-3))
 # Range of the witnesses' tolerances, to which the run's own is clipped before the factor applies; by
-# estimate. A run that is right need not be looser than the second.
+# estimate.
 _TOLERANCES = (1e-8, 1e-4)
 # Steps of a witness, by estimate. An implicit one that takes more says nothing: the run stands.
 _MAX_STEPS = 20_000
-# A witness may take this long, in seconds, or as long as the run itself; by estimate. An implicit one
-# that takes longer says nothing.
+# A witness may take this long, in seconds, or as long as the run itself if that is longer; by estimate. An
+# implicit one that takes longer says nothing.
 _LEAST_SECONDS = 0.5
 # Statuses of a witness that finds no solution.
 _ENDED = (Status.STEP_UNDERFLOW, Status.NON_FINITE)
@@ -90,7 +90,7 @@ def _suspects(problem: Problem, states: np.ndarray) -> list[int]:
 
 
 def _ended(solution: Any, first: int, last: int, run: Callable[..., Any]) -> str:
-    """How the witnesses ended between two rows; empty if one of them did not."""
+    """How the witnesses ended between two rows; empty if one of them does not say that the solution ends."""
     problem = frozen(solution.problem)
     settings = solution.settings
     begin = float(solution.times[first])

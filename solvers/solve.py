@@ -60,6 +60,8 @@ class Solution(LikeSolveIvp):
     settings : Settings
     times : ndarray, shape (n,)
         Times reached, in the problem's own time: all requested ones if the status is `reached_end`.
+        If an event ended the run, its time is the last one. With `every_step` they are those of the
+        solver's steps.
     states : ndarray, shape (n, d)
     status : Status
     message : str
@@ -68,7 +70,7 @@ class Solution(LikeSolveIvp):
     seconds : float
         Wall time of the integrator alone, compilation left out.
     segments : tuple of SolvedSegment
-        The segments of a run of several, in the run's time.
+        The segments of a run of several, in the run's time; else empty.
     """
 
     problem: Problem
@@ -164,8 +166,8 @@ def solve(
         Catalogue name, or a solver of one's own.
     tolerance : float or sequence of float
         The relative tolerance, and the absolute one too unless `atol` is given; positive. Its
-        meaning for each library stands in the solver's docstring. One number per component where
-        the library takes that.
+        meaning for each library stands in the docstring of the solver or of its module. One number
+        per component where the library takes that.
     times : ndarray, shape (n,), optional
         Requested times, increasing from 0; by default the start and the end.
     atol : float or sequence of float, optional
@@ -186,8 +188,9 @@ def solve(
         Look whether a run of one's own function that claims success has stepped over the end of its
         solution (`polhode.solvers.singularity`).
     events : sequence of SoughtEvent
-        Looked for at every step; they hold the times and states at which they happened. A terminal
-        one ends the run, successfully, and is its last row.
+        Looked for at every step; if the solver's `seeks_events` is false, between the rows after the
+        run. They hold the times and states at which they happened. A terminal one ends the run,
+        successfully, and is its last row.
     every_step : bool
         Rows are the solver's own steps, whatever `times` lie between its first and its last one;
         of SciPy's methods alone.
@@ -200,7 +203,8 @@ def solve(
     Raises
     ------
     ValueError
-        If an argument is out of range, or the solver does not accept the problem.
+        If an argument is out of range, the solver does not accept the problem, or an event's
+        function fails.
     Interrupted
         On Ctrl-C, with the finished part.
     """
@@ -276,7 +280,10 @@ def _solution_so_far(run: Run, search: EventSearch | None) -> Solution:
 
 
 def prepared(problem: Problem, method: Solver) -> Problem:
-    """A problem just made of a user's function, as a run by a method takes it: not recorded again."""
+    """A problem just made of a user's function, as a run by a method takes it.
+
+    The function is frozen: runs do not trace it again.
+    """
     problem = _for_method(problem, method, None)
     field = problem.field
     if not isinstance(field, OwnField) or field.plain:

@@ -381,9 +381,9 @@ def propagate_paced(problem: Problem, bound: Bound, record: Record) -> Outcome:
 class Taylor(Solver):
     """Taylor's method of adaptive step; order about -ln(tolerance)/2 + 1, A-stable at no order.
 
-    Tolerance: heyoka's `tol`, relative to the largest entry of the state, for truncation of the
-    Taylor series in each step. If `atol` differs from `rtol`, the state is integrated in units
-    of atol / rtol, one per component. On stiff problems the step is
+    Tolerance: heyoka's `tol`, relative to the largest entry of the state and absolute where that is
+    below one, for truncation of the Taylor series in each step. If `atol` differs from `rtol`, the
+    state is integrated in units of atol / rtol, one per component. On stiff problems the step is
     bound by stability. Source: Jorba and Zou, Experimental Mathematics 14 (2005) 99; Biscani and
     Izzo, MNRAS 504 (2021) 2614.
     """

@@ -190,16 +190,17 @@ def now_of(run_clock: np.ndarray) -> Any:
 class Splitting(Solver):
     """Exact rotation and exact relaxation in turns, by a mean of eight compositions of four relaxations each.
 
-    Class: compositions for nearly integrable systems, each in a SIMD lane; torque-free motion is
-    exact at any step. The step follows from the tolerance by a law, and from checks by two step
-    sizes: at the beginning and, on longer runs, where the rate has changed and at shares of the
-    run. Stability: unconditional in the relaxation but for short backward ones. The angle bounds
-    the step: at small St, where relaxation outpaces the rotation, steps are as short as an explicit
-    method's. Tolerance: error of L/I_e over the whole run, however long; orientation
-    errs by that times the angle turned. Caveat: what lingers at a saddle amplifies errors after the
-    check; L of a body that tumbles for ever sways with its orientation, and errs with that. Error
-    per rotation over tolerance: at most 10; 2 measured. Source: for one composition, Blanes, Casas,
-    Farrés, Laskar, Makazaga and Murua, Appl. Numer. Math. 68 (2013) 58.
+    Where relaxation is fast, one composition serves. Class: compositions for nearly integrable
+    systems, each in a SIMD lane; torque-free motion is exact at any step. The step follows from the
+    tolerance by a law, and from checks by two step sizes: at the beginning and, on longer runs,
+    where the rate has changed and at shares of the run. Stability: unconditional in the relaxation
+    but for short backward ones. The angle bounds the step: at small St, where relaxation outpaces
+    the rotation, steps are as short as an explicit method's. Tolerance: error of L/I_e over the
+    whole run, however long; orientation errs by that times the angle turned. Caveat: what
+    lingers at a saddle amplifies errors after the check; L of a body that tumbles for ever sways
+    with its orientation, and errs with that. Error per rotation over tolerance: at most 10; 2
+    measured. Source: for one composition, Blanes, Casas, Farrés, Laskar, Makazaga and Murua, Appl.
+    Numer. Math. 68 (2013) 58.
     """
 
     name = "splitting"

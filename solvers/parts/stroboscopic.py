@@ -48,7 +48,7 @@ _SEGMENT_TURNS = 600.0
 # estimate: segments of 9,600 turns at most.
 _LONGEST = 4
 # Shares of the tolerance for the errors of a macro-step, of averaging and of micro-steps. They
-# leave two thirds of it, as rows within a macro-step err more than its end. Estimates. The first
+# leave most of it, as rows within a macro-step err more than its end. Estimates. The first
 # belongs to one macro-step, the others to a run. Nothing here bounds the sum over macro-steps: errors
 # of time add up in it, and errors of L fade only as damping forgets them.
 _MACRO = 0.1
@@ -87,7 +87,7 @@ _SAFETY = 0.85
 # for which no reason is recorded; an estimate.
 _SHRINK = 0.2
 _GROW = 5.0
-# The first macro-step in times of relaxation; an estimate.
+# The first macro-step in times of relaxation, or in what is left of a shorter run; an estimate.
 _FIRST_STEP = 0.3
 
 

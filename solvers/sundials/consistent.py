@@ -48,7 +48,8 @@ def consistent(
     """State and slope at the start, shape (d,) each.
 
     ``rates(t, y, out)`` fills `out`; `mass` has shape (d,) or (d, d). RuntimeError if there are none
-    near `start`, IndexAboveOneError if the algebraic equations alone do not fix the algebraic variables.
+    near `start`, IndexAboveOneError if the algebraic equations alone do not fix the algebraic variables,
+    NumPy's LinAlgError if rates are not finite.
     """
     left, values, right = np.linalg.svd(full(mass))
     rank = int((values > _ZERO * values[0]).sum())

@@ -12,8 +12,8 @@ stays. So the error falls with the tolerance on the average only: between neighb
 jumps by up to a factor of ten either way (an estimate).
 
 Through scikit-sundae Python is in the loop. It reports steps only where it is called step by step,
-which takes several times as long: so it runs when counts, events or a limit of steps are requested,
-over the very same steps.
+which takes several times as long: so it is called when counts, events or a limit of steps are
+requested, over the very same steps.
 """
 
 import os

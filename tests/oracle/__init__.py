@@ -1,1 +1,1 @@
-"""Independent oracle for the tests: the physics from first principles, without any code of the project."""
+"""Independent oracle for the tests: the physics from first principles; and helpers that several tests share."""

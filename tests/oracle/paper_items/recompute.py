@@ -1,11 +1,15 @@
-"""Numbers of twenty items of the paper's reproduction, drawn by lot, from the vector equation.
+"""Numbers of items of the paper's reproduction, drawn by lot, from the vector equation.
 
-The lot: ``random.Random(20261126).sample(names, 20)`` of the 42 items that the report had on that day. Nothing of the
-project is imported; settings of the items (bodies, starts, St) are typed here again.
+The lot: ``random.Random(20261126).sample(names, 20)`` of the 42 items that the report had on that day. Nineteen of the
+twenty are computed here; `tests/models/misprints/test_averages.py` has the other one, `averages-ellipsoid`.
+
+Nothing of the project is imported. Settings of the items (bodies, starts, St, durations, fits) are typed here again;
+their reasons stand beside them in `harness/paper/sections`. The method's own numbers (tolerances, steps, samples,
+brackets of roots) are estimates: `tests/harness/paper/test_recomputed.py` requires the digits that the pages write.
 
     python tests/oracle/paper_items/recompute.py [ITEM…]
 
-writes `numbers.json` beside this file, by item and by what the report calls the number.
+writes `numbers.json` beside this file, by item and by what the report calls the number. Without a name all items run.
 """
 
 import csv
@@ -34,18 +38,22 @@ from vector_equation import (
 
 HERE = Path(__file__).parent
 REPORT = HERE.parents[2] / "reports" / "paper"
+# Semi-axes of the paper's ellipsoid.
 PAPER = (1.0, 0.8, 0.5)
 
 
 def spheroid(kappa):
+    """The body whose symmetry axis z' is κ times as long as the others."""
     return Body((1.0, 1.0, kappa))
 
 
 def graded(end, points):
+    """Times from 0 to the end, dense at first; the power is the report's."""
     return end * np.linspace(0, 1, points) ** 2.5
 
 
 def slope(x, y):
+    """Exponent of the power law through the points, by least squares."""
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
@@ -53,6 +61,7 @@ def slope(x, y):
 
 
 def spin_drift():
+    """Growth of a tilt of spheroids that spin about the vorticity, by St."""
     kappas = (0.3, 0.5, 2.0, 4.0)
     bodies = {kappa: spheroid(kappa) for kappa in kappas}
 
@@ -116,12 +125,14 @@ def spin_drift():
 
 # --- the Jeffery top -------------------------------------------------------------------------------------------------
 
+# DOP853 of fixed step; C would be needed for rates that depend on time.
 STAGES = dop.N_STAGES
 A, B, C = dop.A[:STAGES, :STAGES], dop.B, dop.C[:STAGES]
 
 
 @numba.njit
 def jeffery_rates(axes, t, out):
+    """Rates of the nine entries of a rotation matrix, row by row, of a body without inertia."""
     w = np.empty(3)
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -137,6 +148,7 @@ def jeffery_rates(axes, t, out):
 
 @numba.njit
 def step(axes, t, h, stages, a, b):
+    """A step of length h of the explicit Runge-Kutta method (a, b), in place; `stages` is room for its rates."""
     trial = np.empty(9)
     for s in range(len(b)):
         for n in range(9):
@@ -155,7 +167,10 @@ def step(axes, t, h, stages, a, b):
 
 @numba.njit
 def parting(axes, start, beside, turns, half_turn, steps, size, a, b):
-    """Logarithm of how far two neighbours part over so many half turns; brought together after each of them."""
+    """Logarithm of the factor by which two neighbours part over so many half turns.
+
+    After each of them, of so many steps, they are brought back to the distance `size`.
+    """
     stages = np.zeros((len(b), 9))
     first, second = start.copy(), beside.copy()
     h = half_turn / steps
@@ -171,12 +186,18 @@ def parting(axes, start, beside, turns, half_turn, steps, size, a, b):
 
 
 def chaos(axes, turns, name):
-    """Share of chaotic orbits of the item's own starts, and the median exponents."""
+    """Share of chaotic orbits of the item's own starts, and the median exponents, after some half turns.
+
+    The table of the item's orbits has their starts, and their kind: 0 for orientations uniform on SO(3), 1 for
+    starts on the section, 2 for starts next to the saddle.
+    """
     axes = np.array(axes) / max(axes)
     kappa = max(axes) / min(axes)
+    # Half a turn of a spheroid of that ratio in a Jeffery orbit.
     half_turn = np.pi * (kappa + 1 / kappa)
     with open(REPORT / "limits" / f"{name}-orbits.csv", encoding="utf-8") as file:
         table = list(csv.DictReader(file))
+    # Distance of the neighbours, far above rounding and small for rates that are linear: an estimate.
     size = 1e-7
     parted, kinds = [], []
     for row in table:
@@ -190,6 +211,8 @@ def chaos(axes, turns, name):
         parted.append(parting(axes, start, beside, turns, half_turn, steps, size, A, B))
         kinds.append(float(row["kind"]))
     parted, kinds = np.array(parted), np.array(kinds)
+    # Chaotic, as the report has it (`chaos_border` in harness/paper/jeffery_top.py): neighbours of a
+    # regular orbit part about linearly, by log(turns).
     wild = parted > 3 * np.log(turns)
     theirs = np.array([float(row["chaotic"]) for row in table]) > 0
     found = {
@@ -204,6 +227,7 @@ def chaos(axes, turns, name):
         "orbits that are judged otherwise": int(np.sum(wild != theirs)),
         "orbits": len(table),
     }
+    # The report gives this median from as many orbits on.
     if np.sum(wild) >= 30:
         found["median exponent of the chaotic orbits, per half turn"] = float(
             np.median(parted[wild]) / turns
@@ -215,7 +239,7 @@ WIDTH = "width of the layer at ψ = 0 over 800 half turns"
 
 
 def saddle_exponent(axes):
-    """Of the map over half a turn at the orbit with z' in the plane of the flow and x' along the vorticity."""
+    """Exponent of the map over half a turn at the saddle: z' in the plane of the flow, x' along the vorticity."""
     body = Body(axes)
 
     def advanced(tilt):
@@ -243,7 +267,10 @@ def saddle_exponent(axes):
 
 @numba.njit
 def both_ways(axes, start, turns, half_turn, steps, a, b):
-    """Whether an orbit librates and circulates, at some time, from its section points z'·x = 0."""
+    """Whether an orbit librates and circulates, at some time, from its section points z'·x = 0.
+
+    It librates if θ - π/2 changes its sign from one point to the next, and circulates if ψ, modulo π, jumps.
+    """
     stages = np.zeros((len(b), 9))
     here, old, trial, later = start.copy(), start.copy(), start.copy(), start.copy()
     h = half_turn / steps
@@ -273,7 +300,7 @@ def both_ways(axes, start, turns, half_turn, steps, a, b):
 
 
 def ways_of(axes, offset):
-    """Whether the orbit from ψ = 0 and this θ - π/2 librates and circulates within 800 half turns."""
+    """Whether the orbit from ψ = 0 and this θ - π/2, in rad, librates and circulates within 800 half turns."""
     axes = np.array(axes) / max(axes)
     kappa = max(axes) / min(axes)
     half_turn = np.pi * (kappa + 1 / kappa)
@@ -283,14 +310,17 @@ def ways_of(axes, offset):
 
 
 def layer_width(axes, low, high, count):
-    """Length of the starts between two θ - π/2 whose orbits do both."""
+    """Length, in rad, of the starts between two θ - π/2 whose orbits do both, by `count` equispaced starts."""
     offsets = low + (high - low) * (np.arange(count) + 0.5) / count
     found = [all(ways_of(axes, offset)) for offset in offsets]
     return float(np.mean(found) * (high - low))
 
 
 def sharp_width(axes, low, high):
-    """Where libration becomes circulation, halved until an orbit does both: the width that is left."""
+    """Where libration becomes circulation, halved until an orbit does both: the width that is left, in rad.
+
+    The search ends below 1e-14, some 50 roundings of θ.
+    """
     while high - low > 1e-14:
         middle = (low + high) / 2
         librates, circulates = ways_of(axes, middle)
@@ -332,12 +362,16 @@ def fat_oblate():
 
 
 def energy_at(body, momentum, share):
+    """E over I_max at an L over I_max: from the least, of share 0, to the largest possible, of share 1."""
     ratio = body.inertia.max() / body.inertia.min()
     return momentum**2 / 2 * (1 + share * (ratio - 1))
 
 
 def pinch_ratio(body, momentum, share):
-    """Slow time from L_z > 0 to the pinch point over L_z/(4π min X)."""
+    """Slow time from L_z > 0 to the pinch point over L_z/(4π min X).
+
+    The run ends at L_z = 1e-5; the rest goes at the rate there.
+    """
 
     def met(_, y):
         return y[2] - 1e-5
@@ -351,10 +385,17 @@ def pinch_ratio(body, momentum, share):
     return end / (momentum * body.largest / (4 * np.pi * body.resistance.min()))
 
 
+# The stable node of the averaged equations: L and E over I_max of the axis of most inertia along the vorticity, at
+# the angular velocity -1/2.
 NODE = np.array([0.0, 0.0, -0.5, 0.125])
 
 
 def plane(body, shares, near, edge_time, momenta_on_edge, distance):
+    """Averaged runs with L along the vorticity, from L_z = -1.1 and `near`, and from 1.1.
+
+    Returns the share of those with L_z < 0 that reach the node, the largest `distance` from the saddle at
+    `edge_time` of starts on the upper parabola, and the longest time to the pinch point (`pinch_ratio`).
+    """
     reached = []
     for momentum in (-1.1, near):
         for share in shares:
@@ -374,6 +415,7 @@ def plane(body, shares, near, edge_time, momenta_on_edge, distance):
 
 
 def spheroid_plane():
+    """The plane of L_z and E of a prolate spheroid."""
     body = spheroid(2.0)
     saddle = -body.inertia.min() / body.inertia.max() / 2
     times = graded(1.0, 2001)
@@ -390,7 +432,10 @@ def spheroid_plane():
 
 
 def local_misfits(point):
-    """How far the local trajectory through the point is off the averaged one: while near, and at y = 0.5."""
+    """How far the local trajectory through the point is off the averaged one, in the plane of L_z and E.
+
+    First the largest while |L'| is below 2e-3, then the one at y = 0.5.
+    """
     if point.side < 0:
         shift, arrival = arriving(point, 0.8, -0.4, 0.2)
         times = arrival * (1 - np.linspace(1.0, 0.003, 4000) ** 2)
@@ -414,6 +459,7 @@ def local_misfits(point):
 
 
 def ellipsoid_plane():
+    """The same plane of the paper's ellipsoid, and the local solution beside averaged trajectories in it."""
     body = Body(PAPER)
     saddle = -body.inertia.min() / body.inertia.max() / 2
     times = graded(1.0, 2001)
@@ -442,7 +488,7 @@ def ellipsoid_plane():
 
 
 def beyond(path, first, last):
-    """Farthest that points of a path lie outside the polygon of two others."""
+    """Farthest that points of a path lie outside the polygon of two others; each has shape (n, 2)."""
     ring = np.concatenate([first, last[::-1]])
     closed = np.concatenate([ring, ring[:1]])
     a, b = closed[:-1], closed[1:]
@@ -461,6 +507,7 @@ def beyond(path, first, last):
 
 
 def projections():
+    """Averaged paths of a spheroid from L of five azimuths: whether each lies between those of 0° and 90°."""
     body = spheroid(2.0)
     times = graded(1.0, 1201)
     reached, worst = [], [0.0, 0.0]
@@ -489,6 +536,7 @@ def projections():
 
 
 def ellipsoid_space():
+    """Averaged runs of the paper's ellipsoid that start with L_x = 0 or L_y = 0: whether that stays, and their ends."""
     body = Body(PAPER)
     grown, away = [], []
     for zero in (1, 0):
@@ -504,6 +552,7 @@ def ellipsoid_space():
 
 
 def collapse():
+    """L_z of four spheroids of one St* = I_a St/(8π X_c), over t/St*."""
     star, kappas = 2.071, (0.3, 0.5, 2.0, 3.33)
     rates, late, frequencies = [], {}, {}
     for kappa in kappas:
@@ -513,7 +562,7 @@ def collapse():
         # cos θ from L² and E of a body whose axis stands at θ from L.
         ia, ie = body.inertia[2], body.inertia[0]
         cosine2 = (2 * energy / momentum**2 - 1 / ie) / (1 / ia - 1 / ie)
-        # With p̂·L/|L| < 0 or > 0: the start has its axis at θ = arccos of a negative number.
+        # Of the two angles the obtuse one is taken.
         theta = np.arccos(-np.sqrt(cosine2))
         rotation, spin = aligned(body, -1.0, theta)
         axis = int(np.argmax(body.inertia))
@@ -549,8 +598,9 @@ def collapse():
 class MiddleAxis:
     """The paper's ellipsoid near the rotation about its middle axis along the vorticity, L_x = L_y = 0.
 
-    y is 1 - m on one side of L² = 2EI₂ (+1: L² above it), L' is L_z/I_max + I₂/(2 I_max). The local
-    solution: dy/dt = G/ln(16/y), dL'/dt = -D L' - P/ln(16/y).
+    y is 1 - m, where m is the parameter of the polhode's elliptic functions, on one side of L² = 2EI₂ (+1: L²
+    above it). L' is L_z/I_max + I₂/(2 I_max). The local solution: dy/dt = G/ln(16/y), dL'/dt = -D L' - P/ln(16/y),
+    where G, D and P are `growth`, `decay` and `push`.
     """
 
     def __init__(self, side):
@@ -599,6 +649,7 @@ class MiddleAxis:
         return y * (np.log(16 / y) + 1) / self.growth if y > 0 else 0.0
 
     def local_y(self, time):
+        """The inverse of `local_time`."""
         return brentq(lambda y: self.local_time(y) - time, 0.0, 0.9, xtol=1e-17, rtol=1e-14)
 
     def local_shift(self, y):
@@ -611,7 +662,7 @@ class MiddleAxis:
         return -self.push / self.growth * quad(pushed, 0.0, y, epsabs=0, epsrel=1e-12)[0]
 
     def follow(self, y, shift, end, times=None, until=None):
-        """Averaged run in y and L' from a start; `until` is the y at which to stop."""
+        """Averaged run in y and L' from a start, as `solve_ivp` returns it; `until` is the y at which to stop."""
 
         def rates(_, state):
             # The integrator may try a step beyond the point.
@@ -697,6 +748,7 @@ def singular_point():
 
 
 def ellipsoid_slow_2():
+    """Error of the averaged equations along a run of the paper's ellipsoid, at nine St."""
     body = Body(PAPER)
     angles, rates = (1.57, 0.0, np.pi / 2), (0.0, -0.61, 0.0003)
     rotation, spin = rows(*angles), spin_of(angles, rates)
@@ -731,6 +783,7 @@ def ellipsoid_slow_2():
 
 
 def first_order():
+    """Error of L_z by the averaged equations, with the first-order correction as printed, and corrected."""
     kappa, lz0, theta, phi, end = 2.0, -0.9, 0.9, 0.6, 0.04
     body = spheroid(kappa)
     rotation, spin = aligned(body, lz0, theta, phi)
@@ -747,7 +800,7 @@ def first_order():
         return (2 * slow[..., 3] / square / ratio - 1 / ie) / (1 / ia - 1 / ie)
 
     def oscillation(momentum, slow, stokes, phase):
-        """L_z⁽¹⁾/St of `lzsfod2` over I_e at a frequency momentum/I_e and a phase."""
+        """L_z⁽¹⁾/St of `lzsfod2` over I_max at the frequency `momentum`, L_z/I_max, and a phase; I_max is I_e here."""
         size = 2 * np.pi * yc * anisotropy / ie
         return -size * (1 - spin_squared(slow)) / momentum * np.sin(2 * phase) / stokes
 
@@ -772,7 +825,7 @@ def first_order():
     grid = np.geomspace(1e2, 1e5, 13)
     plain = averaged(body, start, times, 1e-12).y.T
     area = cumulative_trapezoid(plain[:, 2], times, initial=0.0)
-    # Simpson-like accuracy: the trapezoid's error is removed by its end slopes.
+    # The trapezoid rule's leading error is removed by the slopes at the ends (Euler and Maclaurin).
     slope_ends = np.gradient(plain[:, 2], times, edge_order=2)
     area -= (times[1] ** 2) / 12 * (slope_ends - slope_ends[0])
     for stokes in grid:
@@ -801,17 +854,19 @@ def first_order():
 
 
 def at_rest(axes, angles, stokes, times, tolerance=1e-12):
+    """A full run from rest at Euler angles in rad."""
     return Run(Body(axes), stokes, rows(*angles), np.zeros(3), times, tolerance)
 
 
 def maxima(times, values):
-    """Times of maxima, by a parabola through three points."""
+    """Times of the maxima of values at equispaced times, by a parabola through three points."""
     n = np.flatnonzero((values[1:-1] > values[:-2]) & (values[1:-1] >= values[2:])) + 1
     low, middle, high = values[n - 1], values[n], values[n + 1]
     return times[n] + (times[1] - times[0]) * 0.5 * (low - high) / (low - 2 * middle + high)
 
 
 def rest_needle():
+    """A needle from rest: when its turns change from those of the Jeffery orbit to those of the free top."""
     axes, angles, stokes, end = (1.0, 1.0, 10.0), (0.10472, 5.4978, 0.0), 1e3, 600.0
     times = np.linspace(0, end, 300001)
     run = at_rest(axes, angles, stokes, times)
@@ -860,6 +915,7 @@ def rest_needle():
 
 
 def transient(axes, angles):
+    """Starts from rest at seven St: the first radian, the first wiggle of the torque, the speed at t = √St."""
     numbers = (50.0, 500.0, 5e3, 5e4, 5e5, 5e6, 5e7)
     scaled = np.linspace(0, 6, 12001)
     turned, wiggle, speed = [], [], []
@@ -887,6 +943,7 @@ def transient(axes, angles):
             higher = np.flatnonzero(right > torque[top])
             right = right[: higher[0]] if len(higher) else right
             prominence = torque[top] - max(left.min(), right.min())
+            # The least prominence that the report counts.
             if prominence >= 0.02 * np.abs(torque).max():
                 wiggle.append(
                     float(maxima(scaled[top - 1 : top + 2], torque[top - 1 : top + 2])[0])
@@ -922,6 +979,7 @@ def transient_ellipsoid():
 
 
 def rest_short():
+    """A spheroid from rest up to t = √St: the path of its axis beside its Jeffery orbit."""
     axes, angles = (1.0, 1.0, 2.0), (0.78539, 2.35619, 0.0)
     lengths = {}
     for stokes in (1e6, 1e7, 1e8):
@@ -960,6 +1018,7 @@ def rest_short():
 
 
 def plane_waves():
+    """Swings of E of bodies that start with L along z: their frequency and irregularity."""
     bodies = [(1.0, 1.0, 2.0), (1.0, 1.0, 3.33)]
     bodies += [(1.0, b, c) for b in (0.55, 0.75, 0.95) for c in (0.5, 0.3)]
     frequency, scatter = [], []
@@ -997,11 +1056,15 @@ DECAY_BODIES = (
 
 
 def fitted(times, values):
+    """Exponential rate of values of one sign, by least squares."""
     return float(np.polyfit(times, np.log(np.abs(values)), 1)[0])
 
 
 def linear_rate(body, rest, mode, step):
-    """Rate of a mode of the averaged equations at the stable rotation: L_x, L_y, L_z, 2EI₃ - L²."""
+    """Rate of a mode at the stable rotation `rest`, from the averaged rates at a finite step from there.
+
+    Modes 0 to 3: L_x, L_y, L_z, and the wobble 2EI₃ - L².
+    """
     moment = body.inertia[2] / body.largest
     moved = rest.copy()
     if mode < 3:
@@ -1015,7 +1078,7 @@ def linear_rate(body, rest, mode, step):
 
 
 def extrapolated(body, rest, mode):
-    """Its limit for a step of zero: from polynomials in the step through four of them (Neville)."""
+    """The limit of `linear_rate` for a step of zero, from the cubic through four steps (Neville)."""
     steps = 2e-3 * 0.5 ** np.arange(4)
     values = [linear_rate(body, rest, mode, step) for step in steps]
     for level in range(1, len(steps)):
@@ -1096,6 +1159,7 @@ ITEMS = {
 
 
 def main(names):
+    """Compute the items named, or all, print their numbers and write them."""
     path = HERE / "numbers.json"
     for name in names or ITEMS:
         began = time.process_time()

@@ -1,8 +1,9 @@
 """The vector equation of a massive ellipsoid in shear, and its averages, by code that shares nothing with the project.
 
 NumPy, SciPy and numba only. The state of a full run is the rotation matrix, row by row (row i is body axis i in space
-components), and L in space components. The averaged equations are means over the torque-free motion by quadrature. Flow
-u = y x̂, times in inverse shear rates, lengths in units of the longest semi-axis.
+components), and L in space components, 12 numbers. The averaged equations are means over the torque-free motion by
+quadrature. Flow u = y x̂, times in inverse shear rates, lengths in units of the longest semi-axis; density and
+viscosity are 1. Slow times are times over St. Names such as `gove` are labels of the paper's equations.
 """
 
 from functools import cache
@@ -13,7 +14,11 @@ from scipy.integrate import quad, solve_ivp
 
 
 class Body:
-    """Semi-axes, moments of inertia and resistances, each of shape (3,), from their definitions."""
+    """Semi-axes, moments of inertia and resistances, each of shape (3,), from their definitions.
+
+    A turn about body axis i at unit rate meets the torque 8π X_i, where X are the resistances. `damping` is 8π X/I,
+    the rates of decay in slow time; `largest` is I_max.
+    """
 
     def __init__(self, axes):
         self.axes = np.array(axes, dtype=float) / max(axes)
@@ -33,7 +38,10 @@ CYCLIC = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 
 @cache
 def integral(squares, square):
-    """abc ∫₀^∞ dt/((l² + t) Δ) of `gove`, with t = l_min² s/(1 - s) to reach a finite interval."""
+    """abc ∫₀^∞ dt/((l² + t) Δ) of `gove` for l² = `square`, with t = l_min² s/(1 - s) to reach a finite interval.
+
+    Δ = √((a² + t)(b² + t)(c² + t)). The quadrature's tolerance is far above rounding, and below that of any run.
+    """
     scale = min(squares)
 
     def value(s):
@@ -106,7 +114,7 @@ def free_rates(_, y, axes):
 
 
 def rows(theta, phi, psi):
-    """Rotation matrix of zxz Euler angles from three turns."""
+    """Rotation matrix of zxz Euler angles, in rad, from three turns; they may be complex."""
 
     def about_z(angle):
         c, s = np.cos(angle), np.sin(angle)
@@ -125,6 +133,7 @@ def rows_of(quaternion):
 
 def spin_of(angles, rates):
     """Angular velocity in body axes from Euler angles and their rates: the matrix's derivative by complex steps."""
+    # Nothing is subtracted, so that any step far below rounding does.
     step = 1e-30
     moved = rows(*(np.array(angles) + 1j * step * np.array(rates)))
     skew = (moved.imag / step) @ moved.real.T
@@ -132,7 +141,11 @@ def spin_of(angles, rates):
 
 
 class Run:
-    """A full run: times, rotation (n, 3, 3), L (n, 3), E (n,), ω (n, 3); L and E as `slow` over I_max (n, 4)."""
+    """A full run: times, rotation (n, 3, 3), L (n, 3), E (n,), ω (n, 3); L and E as `slow` over I_max (n, 4).
+
+    It starts at time 0 from a rotation and a `spin`, ω in body axes. `tolerance` is relative, of a step; a hundredth
+    of it is the absolute one. The default is near the least of double precision. AssertionError if the run fails.
+    """
 
     def __init__(self, body, stokes, rotation, spin, times, tolerance=1e-12, method="DOP853"):
         momentum = rotation.T @ (body.inertia * spin)
@@ -158,7 +171,7 @@ class Run:
 
 
 def aligned(body, momentum, theta, phi=0.0):
-    """Rotation and spin with L = momentum I_max along z and the angles (θ, φ, π/2)."""
+    """Rotation and ω in body axes with L = momentum I_max along z and the angles (θ, φ, π/2), in rad."""
     rotation = rows(theta, phi, np.pi / 2)
     return rotation, rotation @ np.array([0, 0, momentum * body.largest]) / body.inertia
 
@@ -167,9 +180,11 @@ def aligned(body, momentum, theta, phi=0.0):
 
 
 def ensemble(body, momentum, energy, phases=4, most=1 << 17):
-    """Rotations, spins and weights, uniform in time along the polhode and in the angle of precession.
+    """Rotations, ω in body axes and weights, uniform in time along the polhode and in the angle of precession.
 
-    The number of nodes follows from how near the separatrix is.
+    Shapes (n, 3, 3), (n, 3) and (n,); weights add up to 1. The torque has harmonics up to the third in the angle of
+    precession, whose means four `phases` give exactly. The number of nodes along the polhode follows from how near the
+    separatrix is, by estimate; `most` bounds memory. The polhode of a spheroid has few harmonics: 16 nodes are exact.
     """
     size = np.linalg.norm(momentum)
     low, middle, high = np.argsort(body.inertia)
@@ -228,7 +243,10 @@ def ensemble(body, momentum, energy, phases=4, most=1 << 17):
 
 
 def averaged_rates(body, slow, **options):
-    """Rates of L and E per slow time, from L and E over I_max, (4,) each."""
+    """Rates of L and E per slow time, all over I_max, from L and E over I_max, shape (4,) each.
+
+    `options` are those of `ensemble`.
+    """
     momentum = slow[:3] * body.largest
     rotation, spin, weight = ensemble(body, momentum, slow[3] * body.largest, **options)
     gradient = np.einsum("ni,nj->nij", rotation[:, :, 0], rotation[:, :, 1])
@@ -248,7 +266,11 @@ def averaged_rates(body, slow, **options):
 
 
 def averaged(body, start, times, tolerance=1e-10, event=None, method="DOP853"):
-    """Averaged trajectory, shape (n, 4) over I_max, at slow times; as far as an event."""
+    """Averaged trajectory from L and E over I_max at slow times, as `solve_ivp` returns it: `y` has shape (4, n).
+
+    It starts at slow time 0 and ends at a terminal event, if one is given. `tolerance` is relative, of a step; a tenth
+    of it is the absolute one. The default is an estimate. AssertionError if the run fails.
+    """
     solution = solve_ivp(
         lambda _, y: averaged_rates(body, y),
         (0.0, times[-1]),
