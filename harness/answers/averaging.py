@@ -12,7 +12,7 @@ docs/second-order.md derives second order; docs/references.md names the theory o
 """
 
 from dataclasses import replace
-from math import pi, sqrt
+from math import sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -130,10 +130,13 @@ def with_estimate(runner: Runner, run: Run, second: Run) -> Difference:
 
 
 def _raised(apart: Difference, slow: Any, angle: Any) -> Difference:
-    """A difference with errors of L and E (`slow`) and of the orientation (`angle`, in rad) added to it."""
+    """A difference with errors of L and E (`slow`) and of the orientation (`angle`, in rad) added to it.
+
+    The angle may exceed π: an estimate stays one, whatever a factor makes of it.
+    """
     orientation = apart.orientation
     if orientation is not None:
-        orientation = np.minimum(pi, orientation + angle)
+        orientation = orientation + angle
     return Difference(apart.slow + slow, orientation)
 
 

@@ -216,11 +216,14 @@ def stated(
         rounding = EPS * (_ROUNDING * (1 + turns) ** _ROUNDING_GROWTH + rounded_steps)
     # The phase adds up what rounding makes of L and E, so its rounding has a factor of the rotations more.
     units = {"slow": size, "orientation": pi * (1 + turns)}
+    if apart.orientation is not None:
+        # No two orientations are further apart than π, whatever an estimate makes of them.
+        largest_angle = pi / factors()[kind][family]["orientation"].high
+        apart = apart._replace(orientation=np.minimum(largest_angle, apart.orientation))
     for want, largest in apart.credited.items():
         factor = factors()[kind][family][want]
         high = factor.high * max(largest, least) + units[want] * rounding
         if want == "orientation":
-            # No two orientations are further apart.
             high = min(pi, high)
         ends[want] = Interval(factor.middle * largest, factor.low * largest, high)
     return RunError(

@@ -221,7 +221,7 @@ def _rest(draw: np.random.Generator, ellipsoid: Ellipsoid) -> tuple[np.ndarray, 
     return quaternion, np.zeros(3)
 
 
-def _settled(draw: np.random.Generator, ellipsoid: Ellipsoid) -> tuple[np.ndarray, np.ndarray]:
+def settled(draw: np.random.Generator, ellipsoid: Ellipsoid) -> tuple[np.ndarray, np.ndarray]:
     """The shortest axis along the vorticity, and half the shear rate about it, both a little off.
 
     The fluid turns at -1/2 about z, in shear rates. The orientation is made of three rotations: the
@@ -239,7 +239,7 @@ def _settled(draw: np.random.Generator, ellipsoid: Ellipsoid) -> tuple[np.ndarra
 
 # Starts by kind: a quaternion (w, x, y, z), shape (4,), and an angular velocity in body axes, shape (3,). The
 # kinds that are not here start with an isotropic orientation.
-_STARTS = {"rest": _rest, "settled": _settled}
+_STARTS = {"rest": _rest, "settled": settled}
 
 
 def _rounded(values: np.ndarray) -> list[float]:
