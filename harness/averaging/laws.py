@@ -38,6 +38,14 @@ _NAMES = {
     FIRST_CROSSING: (ORDER_ONE, True),
     ORDER_TWO: (ORDER_TWO, False),
 }
+# Name of the St from which second order meets errors of the orientation, among those of the orders.
+TURNED = f"{ORDER_TWO}, orientation"
+# Thresholds by name: the order of averaging, and the column of the error (`shares`).
+_THRESHOLDS = {
+    ORDER_ONE: (ORDER_ONE, "slow"),
+    ORDER_TWO: (ORDER_TWO, "slow"),
+    TURNED: (ORDER_TWO, "turned"),
+}
 # An exponent is measured between two St of this ratio, the largest ones that have enough bodies: there the
 # law has set in, and the two are far enough apart.
 _STOKES_RATIO = 10.0
@@ -53,8 +61,9 @@ def laws_of(data: Data) -> dict[str, Any]:
 
     Keys: "exponents" has the exponent of each law that is to be used, "measured" what was measured of it.
     "few" and "most" have the factors of a law that 2.5 % and 97.5 % of the errors stay below. "from" has, by
-    order, kind and error, the St from which on half and 97.5 % of the bodies meet the error, None where
-    that is unknown.
+    order, kind and error, the St from which on half and 97.5 % of the bodies meet the error, then the ends of
+    the interval of the last one; None where that is unknown. Errors are of L and E, under TURNED of the
+    orientation by second order.
     """
     runs = at(data, STUDIED_SLOW_TIMES[-1])
     measured, exponents = _exponents(runs)
@@ -65,8 +74,8 @@ def laws_of(data: Data) -> dict[str, Any]:
         "few": few,
         "most": most,
         "from": {
-            order: {kind: _thresholds(runs, kind, order) for kind in kinds_in(runs)}
-            for order in THEORY
+            name: {kind: _thresholds(runs, kind, order, column) for kind in kinds_in(runs)}
+            for name, (order, column) in _THRESHOLDS.items()
         },
     }
 
@@ -107,13 +116,13 @@ def _factors(runs: Frame, exponents: dict[str, float]) -> tuple[dict[str, float]
     return few, most
 
 
-def _thresholds(runs: Frame, kind: str, order: str) -> dict[str, list[float | None]]:
-    """St from which on each share of SHARES meets an error, by the error in text; None where unknown."""
-    thresholds: dict[str, list[float | None]] = {f"{target:g}": [] for target in ERRORS_MET}
-    for share in SHARES:
-        answers = all_needed(runs, kind, order, share, ERRORS_MET)
-        for numbers, (stokes, _) in zip(thresholds.values(), answers, strict=True):
-            numbers.append(None if isnan(stokes) else _rounded(stokes))
+def _thresholds(runs: Frame, kind: str, order: str, column: str) -> dict[str, list[float | None]]:
+    """Four St by the error in text: from where on half and 97.5 % of a kind meet it, and ends of the latter."""
+    half, most = (all_needed(runs, kind, order, share, ERRORS_MET, column) for share in SHARES)
+    thresholds: dict[str, list[float | None]] = {}
+    for target, of_half, of_most in zip(ERRORS_MET, half, most, strict=True):
+        numbers = (of_half.stokes, of_most.stokes, of_most.low, of_most.high)
+        thresholds[f"{target:g}"] = [None if isnan(st) else _rounded(st) for st in numbers]
     return thresholds
 
 

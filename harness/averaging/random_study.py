@@ -27,7 +27,7 @@ import pandas as pd
 from polhode.harness.analysis.frames import read_csv
 from polhode.harness.answers.confirmed import confirmation
 from polhode.harness.answers.rules import Method
-from polhode.harness.answers.runs import Runner
+from polhode.harness.answers.runs import Run as AnswerRun, Runner
 from polhode.harness.answers.statement import Difference, difference
 from polhode.harness.averaging.bodies import KINDS, Body, drawn
 from polhode.harness.common.files import digest, dumps, loads, read_file, write_file
@@ -83,13 +83,13 @@ _SEGMENT_SAMPLES = 50
 # estimates that bound what the runs for statements cost. `shares.bounded` counts the statements from
 # `shares.STATED_FROM` on: those at smaller St stand in `errors.csv` alone. No reason is recorded for the
 # choice among the St of `BODIES`.
-_STATED_STOKES = (100.0, 1000.0, 1e4, 31600.0, 1e5, 1e6, 1e7, 1e8)
+STATED_STOKES = (100.0, 1000.0, 1e4, 31600.0, 1e5, 1e6, 1e7, 1e8)
 STATED_BODIES = 200
 # Bodies of each kind whose runs are timed: pages show the median. An estimate that bounds the cost.
 TIMED_BODIES = 8
 # Bodies of each kind that `hybrid` follows by St, estimates that bound the cost: fewer where references take
 # longer. At smaller St the form follows the full equations all the time.
-HYBRID_BODIES = {1e4: 30, 1e5: 30, 1e6: 10, 1e7: 5, 1e8: 5}
+HYBRID_BODIES = {1e4: 60, 1e5: 60, 1e6: 20, 1e7: 5, 1e8: 5}
 # Errors of L and E over I_max that `hybrid` is asked for; estimates.
 REQUESTED_ERRORS = (1e-4, 1e-6, 1e-8)
 # Bodies of each kind by St for which the cost of the full equations is measured; estimates that bound the
@@ -337,7 +337,7 @@ def measure(
     seconds = process_time() - began + taylor_seconds
     row = {**task_columns, "method": reference.method, "failure": "", "seconds": seconds}
     row |= _columns("slow", reference.slow) | _columns("turned", reference.turned)
-    with_stated = task.body < STATED_BODIES and task.stokes in _STATED_STOKES
+    with_stated = task.body < STATED_BODIES and task.stokes in STATED_STOKES
     errors = [
         _first_order(body, task, reference, with_stated),
         _second_order(body, task, reference, with_stated),
@@ -356,14 +356,14 @@ def measure(
     }
 
 
-def _names(name: str) -> list[str]:
+def columns_up_to(name: str) -> list[str]:
     """Columns of a number up to each of STUDIED_SLOW_TIMES."""
     return [f"{name}_{slow_time:g}" for slow_time in STUDIED_SLOW_TIMES]
 
 
 def _columns(name: str, values: Sequence[float]) -> dict[str, float]:
     """Values at STUDIED_SLOW_TIMES under the names of their columns."""
-    return dict(zip(_names(name), values, strict=True))
+    return dict(zip(columns_up_to(name), values, strict=True))
 
 
 def _row(form: str, requested: float = nan, refused: str = "") -> Record:
@@ -436,11 +436,11 @@ def _averaged(
     row["solver_error"] = float(difference(scene.ellipsoid, usual, exact).slow.max())
     if with_stated:
         for slow_time in slow_times:
-            row |= _stated(body, task, form, slow_time)
+            row |= stated_of(body, task, form, slow_time)
     return row
 
 
-def _stated(body: Body, task: Task, form: Form, slow_time: float) -> dict[str, float]:
+def stated_of(body: Body, task: Task, form: Form, slow_time: float) -> dict[str, float]:
     """Upper ends that `solve` states for a run to a slow time, by column; NaN where it states none."""
     scene = body.scene(task.stokes, slow_time)
     runner = Runner(scene, np.array([0.0, scene.time]))
@@ -471,27 +471,36 @@ def _hybrid(scene: Scene, reference: Reference, requested: float, timed: bool) -
     """The row of form `hybrid` for a requested error of L and E over I_max."""
     form = Hybrid()
     row = _row(form.name, requested)
-    runner = Runner(scene, TIMES * scene.stokes)
-    method = Method(form, find_solver(available_like(FORM_SOLVER)))
-    tolerance = requested / ERROR_PER_TOLERANCE
-    run = runner.run(method, tolerance)
+    runner, run = hybrid_run(scene, requested)
     if timed:
         # The run above has made the tables and compiled the form. The look ahead counts: it is done anew.
         for cached in (outline, path_of):
             cached.cache_clear()
         began = thread_time()
-        runner.run(method, tolerance)
+        runner.run(run.method, run.tolerance)
         row["seconds"] = thread_time() - began
     if not run.success:
         return row | {"refused": f"ended with {run.solution.status}"}
     observables = form.observe(scene, runner.rows(run.solution).states)
     slow, turned = _largest(difference(scene.ellipsoid, observables, reference.observables))
     row |= _columns("slow", slow) | _columns("turned", turned)
+    return row | stated_by_hybrid(runner, run)
+
+
+def hybrid_run(scene: Scene, requested: float) -> tuple[Runner, AnswerRun]:
+    """A run of `hybrid` for a requested error, and who ran it."""
+    runner = Runner(scene, TIMES * scene.stokes)
+    method = Method(Hybrid(), find_solver(available_like(FORM_SOLVER)))
+    return runner, runner.run(method, requested / ERROR_PER_TOLERANCE)
+
+
+def stated_by_hybrid(runner: Runner, run: AnswerRun) -> dict[str, float]:
+    """Upper ends that `solve` states for a run up to each slow time, by column; none where it states none."""
     along = confirmation(runner, run).at(TIMES / TIMES[-1]).along
     if along.slow is None:
-        return row
+        return {}
     slow, turned = _largest(Difference(along.slow, along.orientation))
-    return row | _columns("bound", slow) | _columns("turned_bound", turned)
+    return _columns("bound", slow) | _columns("turned_bound", turned)
 
 
 def _costs(scene: Scene, reference: Reference) -> Iterator[Record]:
@@ -544,11 +553,11 @@ class Data(NamedTuple):
     @property
     def done(self) -> set[Task]:
         """The tasks measured so far."""
-        return {Task(*row) for row in self.references[_TASK].itertuples(index=False)}
+        return {Task(*row) for row in self.references[TASK_COLUMNS].itertuples(index=False)}
 
 
 # Columns that name a task.
-_TASK = ["kind", "body", "stokes"]
+TASK_COLUMNS = ["kind", "body", "stokes"]
 # Columns of a body: what names it, semi-axes, quaternion, angular velocity, and what is known of its path.
 _BODY_COLUMNS = (
     *("kind", "body", "a", "b", "c"),
@@ -558,12 +567,25 @@ _BODY_COLUMNS = (
 # Columns of each table; `requested` is empty but for `hybrid`, times are in s.
 _COLUMNS = {
     "bodies": _BODY_COLUMNS,
-    "references": (*_TASK, "method", *_names("slow"), *_names("turned"), "seconds", "failure"),
-    "errors": (
-        *(*_TASK, "form", "requested", *_names("slow"), *_names("turned")),
-        *(*_names("bound"), *_names("turned_bound"), "solver_error", "seconds", "refused"),
+    "references": (
+        *TASK_COLUMNS,
+        "method",
+        *columns_up_to("slow"),
+        *columns_up_to("turned"),
+        "seconds",
+        "failure",
     ),
-    "costs": (*_TASK, "solver", "tolerance", "error", "seconds"),
+    "errors": (
+        *(*TASK_COLUMNS, "form", "requested", *columns_up_to("slow"), *columns_up_to("turned")),
+        *(
+            *columns_up_to("bound"),
+            *columns_up_to("turned_bound"),
+            "solver_error",
+            "seconds",
+            "refused",
+        ),
+    ),
+    "costs": (*TASK_COLUMNS, "solver", "tolerance", "error", "seconds"),
 }
 
 
@@ -590,7 +612,11 @@ def tables_of(records: Iterable[Record], timed: Record, old: Data | None = None)
             # pandas before 3 warns of empty tables.
             table = pd.concat([earlier, table]) if len(table) else earlier
         # Columns that tell the rows of a table apart. If several rows are alike in them, the earliest counts.
-        keys = [key for key in (*_TASK, "form", "requested", "solver", "tolerance") if key in table]
+        keys = [
+            key
+            for key in (*TASK_COLUMNS, "form", "requested", "solver", "tolerance")
+            if key in table
+        ]
         if len(table):
             table = table.drop_duplicates(keys).sort_values(keys, key=_in_order)
         tables.append(table.reset_index(drop=True))
@@ -678,10 +704,10 @@ def run(
             store.put(task.key, task._asdict(), {**record, **surroundings()})
             progress.advance()
     records = list(store)
-    return tables_of(records, _timed(records, old), old)
+    return tables_of(records, timed_of(records, old), old)
 
 
-def _timed(records: Sequence[Record], old: Data | None) -> Record:
+def timed_of(records: Sequence[Record], old: Data | None) -> Record:
     """Days, places, commits and code of all measurements, each once, under "errors", "errors 2" and so on."""
     entries = [*old.timed.values()] if old else []
     entries += [{"date": _day(record), **surroundings_of(record)} for record in records]

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, inf, isnan, log10, nan
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -19,7 +19,7 @@ import pandas as pd
 from polhode.harness.answers.averaging_laws import ORDER_ONE, ORDER_TWO, ORDERS
 from polhode.harness.averaging.bodies import KINDS
 from polhode.harness.averaging.random_study import STUDIED_SLOW_TIMES, Data, Frame
-from polhode.harness.common.fits import median_interval, wilson
+from polhode.harness.common.fits import median_interval, quantile_ranks, wilson
 
 HYBRID = "hybrid"
 # The order of averaging by form: rows are grouped by it. Form `hybrid` is a group of its own.
@@ -31,6 +31,10 @@ _RESONANCE = -0.5  # Of both orders, which leave out the kicks of resonances.
 _ORIENTATION = -1.0  # The orientation's, by second order, which alone gives it.
 # Errors of L and E over I_max of which the tables say from which St on they are met: one for each power of ten.
 ERRORS_MET = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+# Columns of errors, and of the uncertainty of the reference that each was taken against.
+UNCERTAINTIES = {"slow": "uncertainty", "turned": "turned_uncertainty"}
+# An error of 0 counts as this, so that its logarithm stays finite.
+_NO_ERROR = 1e-99
 # Shares of the bodies: the median, and the share of the runs whose errors `solve` says to bound.
 SHARES = (0.5, 0.975)
 # Fewer bodies at one St say too little of a share of 97.5 %. An estimate: of fewer than 40 bodies the largest
@@ -50,7 +54,7 @@ CANCELLED = 1 / 3
 _CANCELLATION_FROM = 1000.0
 # An interval of an exponent that ends this near to the exponent of theory counts as one that holds it. An
 # estimate: at a finite St an exponent still differs a little from its limit.
-_EXPONENT_SLACK = 0.03
+EXPONENT_SLACK = 0.03
 # St from which on statements of first and second order are counted: below, a full run confirms them.
 STATED_FROM = 1e4
 # Nothing is extrapolated to St above the largest one measured.
@@ -80,6 +84,23 @@ def at(data: Data, slow_time: float) -> Frame:
     return runs
 
 
+class Needed(NamedTuple):
+    """The smallest St from which on a share of the bodies meets an error, and where that comes from."""
+
+    stokes: float  # NaN where no St is known
+    # "measured": interpolated between two St; "at most": already at the smallest; "extrapolated": from the
+    # largest St on, by an exponent of theory; "beyond": that gives more than LARGEST_STOKES; "never": too many
+    # bodies are refused.
+    source: str
+    # Ends of its interval at 95 %, which counts the bodies and how far references may be off. The upper one is
+    # NaN where there are too few bodies to give one.
+    low: float
+    high: float
+
+
+UNKNOWN = Needed(nan, "never", nan, nan)
+
+
 @dataclass(frozen=True)
 class Quantile:
     """The error that a share of a kind's bodies stays below, by St."""
@@ -88,52 +109,78 @@ class Quantile:
     stokes: tuple[float, ...]  # in growing order
     error: tuple[float, ...]  # inf where too many bodies are refused
     bodies: tuple[int, ...]  # how many there are at each St
+    # Ends of the error's interval at 95 %, moved by the uncertainty of references. The upper one is NaN where
+    # there are too few bodies to give one.
+    low: tuple[float, ...]
+    high: tuple[float, ...]
 
-    def needed(self, target: float, exponent: float) -> tuple[float, str]:
-        """Smallest St from which on the share meets an error, and where that comes from.
+    def needed(self, target: float, exponent: float | None) -> Needed:
+        """From which St on the share meets an error; nothing is extrapolated without an exponent."""
+        stokes, source = _met_from(self.stokes, self.error, target, exponent)
+        low, _ = _met_from(self.stokes, self.low, target, exponent)
+        bounded = [place for place, error in enumerate(self.high) if not isnan(error)]
+        high = nan
+        if bounded:
+            there = tuple(self.stokes[place] for place in bounded)
+            high, _ = _met_from(there, tuple(self.high[place] for place in bounded), target, None)
+        return Needed(stokes, source, low, high)
 
-        "measured": interpolated between two St; "at most": already at the smallest; "extrapolated":
-        from the largest St on, by an exponent of theory; "beyond": that gives more than
-        LARGEST_STOKES; "never": too many bodies are refused.
-        """
-        # Places of the St at which the error is missed; the last one decides.
-        missed_at = [place for place, error in enumerate(self.error) if error > target]
-        if not missed_at:
-            return self.stokes[0], "at most"
-        last = missed_at[-1]
-        if last + 1 == len(self.error):
-            if self.error[last] == inf:
-                return nan, "never"
-            stokes = self.stokes[-1] * (self.error[-1] / target) ** (-1 / exponent)
-            return (stokes, "extrapolated") if stokes <= LARGEST_STOKES else (nan, "beyond")
-        if self.error[last] == inf:
-            return self.stokes[last + 1], "measured"
-        # Logarithms of St and error are interpolated from the last miss to the next St, which meets it.
-        missed = log10(self.error[last])
-        met = log10(self.error[last + 1])
-        fraction = (missed - log10(target)) / (missed - met)
-        begin = log10(self.stokes[last])
-        end = log10(self.stokes[last + 1])
-        return 10 ** (begin + fraction * (end - begin)), "measured"
+
+def _met_from(
+    stokes: Sequence[float], errors: Sequence[float], target: float, exponent: float | None
+) -> tuple[float, str]:
+    """Smallest St from which on errors, by ascending St, meet a target, and its source (`Needed.source`)."""
+    # Places of the St at which the error is missed; the last one decides.
+    missed_at = [place for place, error in enumerate(errors) if error > target]
+    if not missed_at:
+        return stokes[0], "at most"
+    last = missed_at[-1]
+    if last + 1 == len(errors):
+        if errors[last] == inf:
+            return nan, "never"
+        if exponent is None:
+            return nan, "beyond"
+        further = stokes[-1] * (errors[-1] / target) ** (-1 / exponent)
+        return (further, "extrapolated") if further <= LARGEST_STOKES else (nan, "beyond")
+    if errors[last] == inf:
+        return stokes[last + 1], "measured"
+    # Logarithms of St and error are interpolated from the last miss to the next St, which meets it.
+    missed = log10(errors[last])
+    met = log10(max(errors[last + 1], _NO_ERROR))
+    fraction = (missed - log10(target)) / (missed - met)
+    begin = log10(stokes[last])
+    end = log10(stokes[last + 1])
+    return 10 ** (begin + fraction * (end - begin)), "measured"
 
 
 def quantile(runs: Frame, share: float, column: str = "slow") -> Quantile | None:
-    """The quantile of a column over the rows of one kind and form, by St; None if no St has LEAST_BODIES."""
+    """The quantile of a column over the rows of one kind and form, by St; None if no St has LEAST_BODIES.
+
+    The column is "slow" or "turned".
+    """
     stokes_numbers = []
     errors = []
+    lows = []
+    highs = []
     counts = []
     for stokes, stokes_runs in runs.groupby("stokes"):
-        if len(stokes_runs) < LEAST_BODIES:
+        count = len(stokes_runs)
+        if count < LEAST_BODIES:
             continue
         # A body that the form refuses has no error, and counts as one that meets none.
-        ordered = np.sort(stokes_runs[column].fillna(inf))
+        values = stokes_runs[column].fillna(inf)
+        uncertain = stokes_runs[UNCERTAINTIES[column]]
+        first, last = quantile_ranks(share, count)
         # For type checkers the key of a group is any value; its text can become a float.
         stokes_numbers.append(float(str(stokes)))
-        errors.append(float(ordered[ceil(share * len(ordered)) - 1]))
-        counts.append(len(ordered))
+        errors.append(float(np.sort(values)[ceil(share * count) - 1]))
+        lows.append(float(np.sort(np.maximum(0.0, values - uncertain))[max(1, first) - 1]))
+        highs.append(float(np.sort(values + uncertain)[last - 1]) if last <= count else nan)
+        counts.append(count)
     if not stokes_numbers:
         return None
-    return Quantile(share, tuple(stokes_numbers), tuple(errors), tuple(counts))
+    columns = (stokes_numbers, errors, counts, lows, highs)
+    return Quantile(share, *(tuple(values) for values in columns))
 
 
 @dataclass(frozen=True)
@@ -146,7 +193,8 @@ class Exponent:
     error: str  # "slow" or "turned"
     begin: float  # the two St
     end: float
-    bodies: int
+    bodies: int  # whose errors are known at both
+    of: int  # bodies that were measured at the larger St
     median: float
     low: float  # ends of the 95 % interval of the median
     high: float
@@ -160,7 +208,7 @@ class Exponent:
     def agrees(self) -> bool:
         """Whether the interval holds an exponent of theory, or nearly so."""
         low, high = predicted(self)
-        return self.low - _EXPONENT_SLACK <= high and low <= self.high + _EXPONENT_SLACK
+        return self.low - EXPONENT_SLACK <= high and low <= self.high + EXPONENT_SLACK
 
 
 def exponents(runs: Frame, ends: Sequence[float]) -> list[Exponent]:
@@ -170,18 +218,17 @@ def exponents(runs: Frame, ends: Sequence[float]) -> list[Exponent]:
     strong resonances, whose kicks spoil it; and St at which less than LEAST_KNOWN of the errors are known.
     """
     rows = []
-    errors = {"slow": "uncertainty", "turned": "turned_uncertainty"}
     averaged = runs[runs["order"].isin(THEORY)]
     for (kind, order, crosses), group in averaged.groupby(["kind", "order", "crosses"]):
-        for error, uncertainty in errors.items():
+        for error, uncertainty in UNCERTAINTIES.items():
             if error == "turned" and kind == "resonance":
                 continue
             known = group[group[error].between(KNOWN * group[uncertainty], MAX_ERROR_OF_LAWS)]
             table = known.pivot(index="body", columns="stokes", values=error)
             for begin, end in pairwise(ends):
                 slopes = slopes_between(table, begin, end)
-                bodies = np.sum(group["stokes"] == end)
-                if slopes is None or len(slopes) < LEAST_KNOWN * bodies:
+                measured = int(np.sum(group["stokes"] == end))
+                if slopes is None or len(slopes) < LEAST_KNOWN * measured:
                     continue
                 middle, low, high = median_interval(slopes)
                 rows.append(
@@ -193,6 +240,7 @@ def exponents(runs: Frame, ends: Sequence[float]) -> list[Exponent]:
                         begin=begin,
                         end=end,
                         bodies=len(slopes),
+                        of=measured,
                         median=middle,
                         low=low,
                         high=high,
@@ -228,13 +276,17 @@ def predicted(row: Exponent) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Bounded:
-    """How often what a form states bounds the error: over runs and over bodies."""
+    """How often what a form states bounds the error: over runs and over bodies.
+
+    A run is one of a body at one St, by `hybrid` to one requested error. It is bounded if what is stated up to
+    each slow time bounds the error up to that time.
+    """
 
     kind: str
     order: str
     error: str  # "slow" or "turned"
     runs: int
-    missed: int  # runs whose error exceeds the bound
+    missed: int  # runs whose error exceeds the bound up to some slow time
     bodies: int
     held: int  # bodies all of whose runs are bounded
     worst: float  # largest error over bound
@@ -273,14 +325,17 @@ def bounded(runs: Frame) -> list[Bounded]:
             known_error = np.maximum(group[error], group[uncertainty])
             known_bound = np.maximum(group[bound], group[uncertainty])
             misses = group[error] > known_bound
+            # pandas leaves out groups of NaN: of first and second order nothing is requested.
+            runs_of = [group["body"], group["stokes"], group["requested"].fillna(0.0)]
+            missed_by_run = misses.groupby(runs_of).any()
             missed_by_body = misses.groupby(group["body"]).any()
             rows.append(
                 Bounded(
                     kind=str(kind),
                     order=str(order),
                     error=error,
-                    runs=len(group),
-                    missed=int(misses.sum()),
+                    runs=len(missed_by_run),
+                    missed=int(missed_by_run.sum()),
                     bodies=len(missed_by_body),
                     held=int((~missed_by_body).sum()),
                     worst=float((group[error] / known_bound).max()),
@@ -375,21 +430,29 @@ def nearest(values: Iterable[float], stokes: float) -> float:
     return min(values, key=lambda value: abs(log10(value / stokes)))
 
 
-def needed(runs: Frame, kind: str, order: str, share: float, target: float) -> tuple[float, str]:
-    """St from which a share of a kind meets an error by an order, and where that comes from (`Quantile.needed`)."""
+def needed(runs: Frame, kind: str, order: str, share: float, target: float) -> Needed:
+    """St from which a share of a kind meets an error of L and E by an order."""
     return all_needed(runs, kind, order, share, (target,))[0]
 
 
 def all_needed(
-    runs: Frame, kind: str, order: str, share: float, targets: Sequence[float]
-) -> list[tuple[float, str]]:
-    """The answers of `needed` to several errors; the quantile is computed once."""
+    runs: Frame,
+    kind: str,
+    order: str,
+    share: float,
+    targets: Sequence[float],
+    column: str = "slow",
+) -> list[Needed]:
+    """The answers of `needed` to several errors, of L and E ("slow") or of the orientation ("turned")."""
     there = runs[(runs["kind"] == kind) & (runs["order"] == order)]
-    errors = quantile(there, share)
+    errors = quantile(there, share, column)
     if errors is None:
-        return [(nan, "never") for _ in targets]
-    exponent = THEORY[order]
-    if kind == "resonance":
+        return [UNKNOWN for _ in targets]
+    exponent: float | None = THEORY[order]
+    if column == "turned":
+        # Kicks of resonances turn the body ever further as St grows.
+        exponent = None if kind == "resonance" else _ORIENTATION
+    elif kind == "resonance":
         exponent = _RESONANCE
     elif order == ORDER_ONE and 2 * there["crosses"].mean() > 1:
         # The exponent of the law that most of the bodies follow.

@@ -386,6 +386,11 @@ def paper(
 )
 @options.workers
 @click.option(
+    "--restate",
+    is_flag=True,
+    help="Keep all errors; make anew what solve states of the runs.",
+)
+@click.option(
     "--fit", is_flag=True, help="Let solve, pick and sweeps use the laws that the data show."
 )
 @options.quiet
@@ -402,8 +407,10 @@ def accuracy(
     """Measure the averaged forms' errors against full solutions, over random bodies and starts."""
     out = out or options.usual(_FOLDERS[order], quick)
     with bad_input():
-        if quick + bool(part) + page_only > 1:
-            raise ValueError("--quick, --part, --page-only: got several of them, expected one")
+        if quick + bool(part) + page_only + how["restate"] > 1:
+            raise ValueError(
+                "--quick, --part, --page-only, --restate: got several of them, expected one"
+            )
         if part and part not in ACCURACY_PARTS[order]:
             fitting = next(
                 fitting_order for fitting_order, parts in ACCURACY_PARTS.items() if part in parts
@@ -431,24 +438,30 @@ def _random_bodies(
     seconds: float | None,
     references: int | None,
     workers: int | None,
+    restate: bool,
     fit: bool,
 ) -> None:
     """Measure all averaged forms over random bodies, write the page and print its numbers.
 
-    With `resume` the tables in `out` are kept and added to; `fit` writes the laws that `solve` reads.
+    With `resume` the tables in `out` are kept and added to, with `restate` only their statements are made anew;
+    `fit` writes the laws that `solve` reads.
     """
     with loading(quiet):
-        from polhode.harness.averaging import random_study
+        from polhode.harness.averaging import random_study, restated
         from polhode.harness.averaging.laws import write_laws
         from polhode.harness.pages.averaging import random_bodies
 
     with bad_input():
         old = None
-        if page_only or (resume and (out / "references.csv").exists()):
+        if page_only or restate or (resume and (out / "references.csv").exists()):
             old = random_study.read_data(out)
         make_folder(out)
     data = old
-    if not page_only:
+    workers = _cores() if workers is None else workers
+    if restate and old:
+        with stored(out, resume, "restated", "statements") as store:
+            data = restated.restate(store, old, workers=workers, quiet=quiet)
+    elif not page_only:
         # Cheap references come first, so that --references and --seconds leave out the long ones.
         todo = random_study.tasks(random_study.QUICK_BODIES if quick else random_study.BODIES)
         todo = todo[:references]
@@ -457,7 +470,7 @@ def _random_bodies(
                 store,
                 todo,
                 old,
-                workers=_cores() if workers is None else workers,
+                workers=workers,
                 seconds=inf if seconds is None else seconds,
                 quiet=quiet,
             )

@@ -36,20 +36,28 @@ def mean_interval(values: np.ndarray) -> tuple[float, float, float]:
     return mean, float(low), float(high)
 
 
+def quantile_ranks(share: float, count: int) -> tuple[int, int]:
+    """Ranks, from 1 on, of the two ordered values between which a quantile lies, by the binomial distribution.
+
+    No value is that small, or that large, where a rank is 0 or count + 1: so few values leave that end open.
+    """
+    from scipy import stats
+
+    # The number of values below the true quantile is binomial with the probability `share`.
+    first, last = stats.binom.ppf([(1 - COVERAGE) / 2, (1 + COVERAGE) / 2], count, share)
+    return int(first), int(last) + 1
+
+
 def median_interval(values: np.ndarray) -> tuple[float, float, float]:
     """Median, lower and upper end of its interval: two of the values in order, by the binomial distribution.
 
     `values` has shape (n,), n ≥ 1. For fewer than six values the interval goes from the least to the
     largest, and covers less than 95 %.
     """
-    from scipy import stats
-
     ordered = np.sort(values)
-    # The number of values below the true median is binomial with probability ½; `first` is its lower
-    # quantile, and the interval is as far from the upper end.
-    first = int(stats.binom.ppf((1 - COVERAGE) / 2, len(ordered), 0.5))
-    low = ordered[max(0, first - 1)]
-    high = ordered[min(len(ordered) - 1, len(ordered) - first)]
+    first, last = quantile_ranks(0.5, len(ordered))
+    low = ordered[max(1, first) - 1]
+    high = ordered[min(len(ordered), last) - 1]
     return float(np.median(ordered)), float(low), float(high)
 
 

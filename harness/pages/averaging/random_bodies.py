@@ -15,7 +15,7 @@ import numpy as np
 from polhode.harness.analysis.frames import rows_of
 from polhode.harness.averaging import bodies, random_study, shares
 from polhode.harness.averaging.bodies import KINDS
-from polhode.harness.averaging.laws import laws_of, write_laws
+from polhode.harness.averaging.laws import TURNED, laws_of, write_laws
 from polhode.harness.averaging.random_study import (
     STUDIED_SLOW_TIMES,
     Data,
@@ -33,6 +33,7 @@ from polhode.harness.averaging.shares import (
     Bounded,
     Cancelled,
     Exponent,
+    Needed,
     all_needed,
     all_times,
     at,
@@ -47,6 +48,7 @@ from polhode.harness.averaging.shares import (
     quantile,
 )
 from polhode.harness.common.files import write_file
+from polhode.harness.common.fits import wilson
 from polhode.harness.common.machine import provenance
 from polhode.harness.common.text import aligned, cells, in_two_digits, markdown, short
 from polhode.harness.pages.figures.averaging import Band, bands
@@ -73,8 +75,22 @@ _HYBRID_ERROR = 1e-6
 _EXAMPLES = 3
 # Errors of L and E for which a sentence gives the St from which on they are met.
 _SENTENCE_TARGETS = (1e-2, 1e-4)
-# Columns of `which_form`: an order of averaging, and an error of L and E.
-_WHICH = ((ORDER_ONE, 1e-2), (ORDER_ONE, 1e-4), (ORDER_TWO, 1e-4), (ORDER_TWO, 1e-6))
+# Columns of `which_form`: a name among the laws' thresholds (`laws.laws_of`), and an error.
+_WHICH = (
+    (ORDER_ONE, 1e-2),
+    (ORDER_ONE, 1e-4),
+    (ORDER_TWO, 1e-4),
+    (ORDER_TWO, 1e-6),
+    (TURNED, 1e-2),
+)
+# The page says how many bodies an exponent is of if fewer than this share have errors that their references know.
+# An estimate.
+_ALMOST_ALL = 0.9
+# Half the width of an exponent's interval from which on the page says why it is not narrower. An estimate: a third of
+# the least difference between two exponents of theory.
+_WIDE = 0.1
+# Bodies below which an interval is wide for their number alone; an estimate, between 60 and 200 (`random_study.BODIES`).
+_FEW_BODIES = 100
 # Quantiles of a band over the bodies: its lower edge, its line, its upper edge.
 _BAND = (0.025, 0.5, 0.975)
 # Title of the panel of the orientation.
@@ -138,10 +154,20 @@ def page(data: Data, command: str, laws: dict[str, Any] | None = None) -> str:
         answers=answers,
         findings=[line for line in sentences if line not in answers],
         needed={order: needed_rows(runs, order) for order in (ORDER_ONE, ORDER_TWO)},
+        turned=needed_rows(runs, ORDER_TWO, "turned"),
+        intervals={
+            ORDER_ONE: interval_rows(runs, ORDER_ONE),
+            ORDER_TWO: interval_rows(runs, ORDER_TWO),
+            TURNED: interval_rows(runs, ORDER_TWO, "turned"),
+        },
+        largest={order: largest_rows(runs, order) for order in (ORDER_ONE, ORDER_TWO)},
         costs={order: cost_rows(data, runs, order) for order in (ORDER_ONE, ORDER_TWO)},
         hybrid=hybrid_rows(data, runs),
         by_time=time_rows(data),
         exponents=exponent_rows(analysis.exponents),
+        runs=runs,
+        wide_from=_WIDE,
+        wide=[why_wide(row) for row in analysis.exponents if row.width > _WIDE],
         bounded=[_bounded_row(row) for row in sorted(analysis.bounded, key=_place)],
         cancelled=analysis.cancelled[0][:_EXAMPLES],
         references=reference_rows(data),
@@ -189,21 +215,25 @@ def findings(data: Data, analysis: Analysis) -> list[str]:
         tried=tried,
         cancelled_below=shares.CANCELLED,
         failures=data.references["failure"].ne("").sum(),
+        slack=shares.EXPONENT_SLACK,
     )
 
 
 def which_form(laws: dict[str, Any]) -> str:
-    """Which form when, as a table: from which St on 97.5 % of the bodies of a kind meet an error."""
+    """Which form when, as a table: from which St on 97.5 % of the bodies of a kind meet an error, with intervals."""
     heads = {}
-    for order, target in _WHICH:
-        heads[f"{order} to {short(target)}"] = (order, f"{target:g}")
+    for name, target in _WHICH:
+        heads[f"{name} to {short(target)}"] = (name, f"{target:g}")
     rows = []
     for kind, text in KINDS.items():
         cells_of_kind = [text]
-        for order, target in heads.values():
-            # St of half of the bodies, and of 97.5 % of them (`laws.laws_of`).
-            _, most = laws["from"][order].get(kind, {}).get(target, (None, None))
-            cells_of_kind.append("–" if most is None else f"St ≥ {in_two_digits(most)}")
+        for name, target in heads.values():
+            thresholds = laws["from"][name].get(kind, {}).get(target, [None] * 4)
+            _, most, low, high = (nan if number is None else number for number in thresholds)
+            cell = "–"
+            if not isnan(most):
+                cell = f"{in_two_digits(most)} ({_interval(low, high)})"
+            cells_of_kind.append(cell)
         rows.append(cells_of_kind)
     return markdown(["body and start", *heads], rows, right=range(1, len(heads) + 1))
 
@@ -235,19 +265,56 @@ def as_json(data: Data) -> dict[str, Any]:
     }
 
 
-def needed_rows(runs: Frame, order: str) -> list[dict[str, str]]:
+def needed_rows(runs: Frame, order: str, column: str = "slow") -> list[dict[str, str]]:
     """For each kind the St from which each error is met, in half of the bodies and in 97.5 %.
 
-    The columns "t0", "t1" and so on belong to `ERRORS_MET`.
+    The columns "t0", "t1" and so on belong to `ERRORS_MET`. Errors are of L and E ("slow"), or of the orientation
+    ("turned").
     """
     rows = []
     for kind in kinds_in(runs):
         row = {"kind": kind}
-        halves, mosts = (all_needed(runs, kind, order, share, ERRORS_MET) for share in SHARES)
+        halves, mosts = (
+            all_needed(runs, kind, order, share, ERRORS_MET, column) for share in SHARES
+        )
         for i, (half, most) in enumerate(zip(halves, mosts, strict=True)):
             row[f"t{i}"] = _both(half, most)
         rows.append(row)
     return rows
+
+
+def interval_rows(runs: Frame, order: str, column: str = "slow") -> list[dict[str, str]]:
+    """For each kind the intervals of the St from which 97.5 % meet each error; columns as in `needed_rows`."""
+    rows = []
+    for kind in kinds_in(runs):
+        row = {"kind": kind}
+        answers = all_needed(runs, kind, order, SHARES[-1], ERRORS_MET, column)
+        for i, answer in enumerate(answers):
+            row[f"t{i}"] = "–" if isnan(answer.stokes) else _interval(answer.low, answer.high)
+        rows.append(row)
+    return rows
+
+
+def largest_rows(runs: Frame, order: str) -> list[dict[str, str]]:
+    """For each kind how many of the bodies at the largest St meet each error, with the interval of their share."""
+    rows = []
+    for kind in kinds_in(runs):
+        there = runs[(runs["kind"] == kind) & (runs["order"] == order)]
+        last = there[there["stokes"] == there["stokes"].max()]
+        row = {"kind": kind}
+        for i, target in enumerate(ERRORS_MET):
+            met = int((last["slow"] <= target).sum())
+            low, high = wilson(met, len(last))
+            row[f"t{i}"] = f"{met} of {len(last)} ({100 * low:.0f} to {100 * high:.0f} %)"
+        rows.append(row)
+    return rows
+
+
+def _interval(low: float, high: float) -> str:
+    """The ends of an interval of St in words; the upper one may be unknown."""
+    if isnan(high):
+        return f"{in_two_digits(low)} or more"
+    return f"{in_two_digits(low)} to {in_two_digits(high)}"
 
 
 def cost_rows(data: Data, runs: Frame, order: str) -> list[dict[str, str]]:
@@ -267,13 +334,13 @@ def gains(data: Data, runs: Frame, kind: str, order: str) -> list[tuple[float, s
     There is one pair for each of ERRORS_MET. Both times are taken at a decade of St at which full runs were
     timed: the first one at or above the St from which on the error is met. Above the last such decade, full
     runs are taken to need a time in proportion to St. The ratio is NaN if a time or that St is unknown; the
-    source is one of `Quantile.needed`.
+    source is one of `Needed.source`.
     """
     form = form_seconds(runs, kind, order)
     answers = all_needed(runs, kind, order, SHARES[-1], ERRORS_MET)
     return [
-        _gain_at(full_seconds(data, kind, target), form, stokes, source)
-        for target, (stokes, source) in zip(ERRORS_MET, answers, strict=True)
+        _gain_at(full_seconds(data, kind, target), form, answer.stokes, answer.source)
+        for target, answer in zip(ERRORS_MET, answers, strict=True)
     ]
 
 
@@ -362,8 +429,25 @@ def exponent_rows(fitted: Sequence[Exponent]) -> list[dict[str, str]]:
         key = exponent.kind, exponent.order, exponent.error, exponent.crosses
         row = rows.setdefault(key, blank)
         decade = _DECADES.index(exponent.begin)
-        row[f"d{decade}"] = f"{_signed(exponent.median, '.2f')} ± {exponent.width:.2f}"
+        cell = f"{_signed(exponent.median, '.2f')} ± {exponent.width:.2f}"
+        if exponent.bodies < _ALMOST_ALL * exponent.of:
+            cell += f" ({exponent.bodies} of {exponent.of})"
+        row[f"d{decade}"] = cell
     return [*rows.values()]
+
+
+def why_wide(exponent: Exponent) -> str:
+    """What makes the interval of an exponent wide, in words."""
+    slower, faster = sorted(predicted(exponent), reverse=True)
+    reasons = []
+    if slower != faster:
+        reasons.append(f"the law changes from {_signed(faster, 'g')} to {_signed(slower, 'g')}")
+    if exponent.bodies < _FEW_BODIES:
+        reasons.append(f"{exponent.bodies} bodies")
+    span = f"{short(exponent.begin)} to {short(exponent.end)}"
+    why = " and ".join(reasons) or "no reason is known"
+    kind = _crossing_kind(exponent)
+    return f"{kind}, {exponent.order}, {_ERRORS[exponent.error]}, {span}: {why}"
 
 
 def _place(row: Exponent | Bounded) -> tuple[str, str, int]:
@@ -397,9 +481,9 @@ def _spans(runs: Frame, order: str) -> list[tuple[float, list[tuple[str, float, 
     for target in _SENTENCE_TARGETS:
         kinds = []
         for kind in kinds_in(runs):
-            (half, _), (most, _) = (needed(runs, kind, order, share, target) for share in SHARES)
-            if not isnan(half):
-                kinds.append((kind, half, most))
+            half, most = (needed(runs, kind, order, share, target) for share in SHARES)
+            if not isnan(half.stokes):
+                kinds.append((kind, half.stokes, most.stokes))
         spans.append((target, sorted(kinds, key=lambda row: row[1])))
     return spans
 
@@ -494,29 +578,29 @@ def _band(group: Frame, column: str, order: str, crosses: bool) -> list[Band]:
     return [Band(order, crosses, stokes, *(tuple(end.error) for end in ends))]
 
 
-def _both(of_half: tuple[float, str], of_most: tuple[float, str]) -> str:
-    """St from which half of a kind and 97.5 % of it meet an error, each given with its source, in words.
+def _both(of_half: Needed, of_most: Needed) -> str:
+    """St from which half of a kind and 97.5 % of it meet an error, in words.
 
     The sign of a missing St is written once if it is the same for both.
     """
-    half = _needed(*of_half)
-    most = _needed(*of_most)
+    half = _needed(of_half)
+    most = _needed(of_most)
     neither = half == most and half.startswith(("–", ">"))
     return half if neither else f"{half} / {most}"
 
 
-def _needed(stokes: float, source: str) -> str:
-    """St from which an error is met, with the sign of its source (`Quantile.needed`).
+def _needed(answer: Needed) -> str:
+    """St from which an error is met, with the sign of its source (`Needed.source`).
 
     "<": at most the smallest St measured; "~": extrapolated; ">": the extrapolated St exceeds
     LARGEST_STOKES; "–": never, as too many bodies are refused, or too few were measured.
     """
-    if source == "beyond":
+    if answer.source == "beyond":
         return f"> {short(shares.LARGEST_STOKES)}"
-    if isnan(stokes):
+    if isnan(answer.stokes):
         return "–"
-    sign = {"at most": "< ", "extrapolated": "~ "}.get(source, "")
-    return f"{sign}{in_two_digits(stokes)}"
+    sign = {"at most": "< ", "extrapolated": "~ "}.get(answer.source, "")
+    return f"{sign}{in_two_digits(answer.stokes)}"
 
 
 def _gain(ratio: float, source: str) -> str:
