@@ -7,6 +7,7 @@ module has the powers ("exponents", of St) and the factors ("few" and "most"). I
 
 import json
 from functools import cache
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,10 @@ ORDERS = {
     "averaged-spheroid": ORDER_ONE,
     "averaged-second-order": ORDER_TWO,
 }
+# Name of the St from which second order meets errors of the orientation, among those of the orders.
+TURNED = f"{ORDER_TWO}, orientation"
+# Place of the St of 97.5 % of the bodies in an entry of "from" (`polhode.harness.averaging.laws.laws_of`).
+_MOST = 1
 # St from which on a law is evaluated: below, and at St = 0, its error is as good as infinite.
 _LEAST_STOKES = 1e-99
 
@@ -56,3 +61,13 @@ def most_error(order: str, stokes: float) -> float:
     It is the error at the largest slow time of the study, t₂ = 1.
     """
     return _laws()["most"][order] / max(stokes, _LEAST_STOKES) ** power(order)
+
+
+def met_from(name: str, kind: str, error: float) -> float:
+    """St from which on 97.5 % of the study's bodies of a kind meet an error by averaging; inf if none is known.
+
+    The name is ORDER_ONE or ORDER_TWO for an error of L and E over I_max, TURNED for one of the orientation in
+    rad; the error is a power of ten, from 0.1 to 1e-8.
+    """
+    stokes = _laws()["from"][name][kind][f"{error:g}"][_MOST]
+    return inf if stokes is None else stokes

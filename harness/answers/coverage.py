@@ -564,7 +564,9 @@ def fitted(rows: Sequence[Record]) -> dict[str, dict[str, Any]]:
         members = [
             row
             for row in rows
-            if row.get("solver") == solver and row["form"] in _FULL and "left_out" not in row
+            if row.get("solver") == solver
+            and row["form"] in _FULL
+            and "left_out" not in row
             # First tolerances are for any start: near a steady rotation errors hardly grow.
             and row["sort"] != "settled"
         ]

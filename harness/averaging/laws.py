@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from polhode.harness.answers.averaging_laws import FIRST_CROSSING, LAWS_FILE
+from polhode.harness.answers.averaging_laws import FIRST_CROSSING, LAWS_FILE, TURNED
 from polhode.harness.averaging.random_study import STUDIED_SLOW_TIMES, Data, Frame
 from polhode.harness.averaging.shares import (
     CROSSING_EXPONENT,
@@ -38,8 +38,6 @@ _NAMES = {
     FIRST_CROSSING: (ORDER_ONE, True),
     ORDER_TWO: (ORDER_TWO, False),
 }
-# Name of the St from which second order meets errors of the orientation, among those of the orders.
-TURNED = f"{ORDER_TWO}, orientation"
 # Thresholds by name: the order of averaging, and the column of the error (`shares`).
 _THRESHOLDS = {
     ORDER_ONE: (ORDER_ONE, "slow"),

@@ -1,5 +1,6 @@
 """Fits and confidence intervals, of 95 % everywhere: power laws of positive numbers, means, medians, shares."""
 
+import itertools
 from math import sqrt
 from statistics import NormalDist
 
@@ -46,6 +47,11 @@ def quantile_ranks(share: float, count: int) -> tuple[int, int]:
     # The number of values below the true quantile is binomial with the probability `share`.
     first, last = stats.binom.ppf([(1 - COVERAGE) / 2, (1 + COVERAGE) / 2], count, share)
     return int(first), int(last) + 1
+
+
+def least_bodies(share: float) -> int:
+    """The least number of values, or bodies, of which a quantile above ½ has an upper end (`quantile_ranks`)."""
+    return next(count for count in itertools.count(1) if quantile_ranks(share, count)[1] <= count)
 
 
 def median_interval(values: np.ndarray) -> tuple[float, float, float]:

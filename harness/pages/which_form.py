@@ -2,8 +2,10 @@
 
 `python -m polhode.harness.pages.which_form CELLS.csv PAGE.md ...` writes them into pages, between the
 lines `<!-- which form -->` and `<!-- end of which form -->`. `reports/regimes/cells.csv` has the cells, of
-one body and start of each kind. `polhode.harness.pages.averaging.random_bodies.which_form` makes the table
-over random bodies, further down in README.
+one body and start of each kind. An averaged form is named only from the St on from which 97.5 % of random
+bodies meet the error by it (`averaging_laws.met_from`); before, the next method of the cell is.
+`polhode.harness.pages.averaging.random_bodies.which_form` makes the table over random bodies, further down in
+README.
 """
 
 import re
@@ -12,8 +14,9 @@ from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 
+from polhode.harness.analysis.pareto import Method
 from polhode.harness.analysis.regime_map import Cell
-from polhode.harness.answers.averaging_laws import ORDERS
+from polhode.harness.answers.averaging_laws import ORDER_TWO, ORDERS, TURNED, met_from
 from polhode.harness.common.files import write_file
 from polhode.harness.common.text import markdown, short
 from polhode.harness.pages.regimes import Maps, read_cells
@@ -27,6 +30,8 @@ _TARGETS = (1e-2, 1e-4, 1e-6)
 # Words for the scenes of the maps, by the scene's name, and for the two kinds of error, by their column.
 _BODIES = {"ellipsoid": "a triaxial body", "spheroid": "a spheroid"}
 _REQUESTED = {"slow_error": "L, E to", "orientation_error": "orientation to"}
+# Kinds of random bodies that an averaged form must serve, by the scene's name.
+_KINDS = {"ellipsoid": ("stays", "resonance", "crosses"), "spheroid": ("prolate", "oblate")}
 # Words for forms that average, by the form's name. The tables name no solver beside them.
 _AVERAGING_FORMS = {**ORDERS, "hybrid": "hybrid"}
 
@@ -44,9 +49,9 @@ def _table(maps: Maps, body: str) -> str:
     for error, title in _REQUESTED.items():
         for target in _TARGETS:
             header.append(f"{title} {short(target)}")
-            for cell in maps[body, error]:
-                if cell.target == target:
-                    words_of_row.setdefault(cell.stokes, []).append(winner_in_words(cell))
+            for stokes, column in _columns(maps[body, error]).items():
+                method = _trusted(column, target, body, error)
+                words_of_row.setdefault(stokes, []).append(in_words(method))
     # Neighbouring St with the same words share a row.
     rows = []
     for words, group in groupby(sorted(words_of_row), key=lambda stokes: words_of_row[stokes]):
@@ -54,19 +59,55 @@ def _table(maps: Maps, body: str) -> str:
     return markdown(header, rows)
 
 
-def winner_in_words(cell: Cell) -> str:
-    """The equations that the cheapest method of a cell solves; if full, also the kind of solver.
+def _columns(panel: Sequence[Cell]) -> dict[float, list[Cell]]:
+    """The cells of a panel by St, those of the loosest error first."""
+    columns = dict[float, list[Cell]]()
+    for cell in sorted(panel, key=lambda cell: -cell.target):
+        columns.setdefault(cell.stokes, []).append(cell)
+    return columns
+
+
+def _trusted(column: Sequence[Cell], target: float, body: str, error: str) -> Method | None:
+    """The cheapest method of a column of cells that meets a requested error, of random bodies too; None without one.
+
+    A method that meets a tighter error meets the requested one.
+    """
+    for cell in column:
+        if cell.target > target:
+            continue
+        if cell.winner is None:
+            return None
+        for method in (cell.winner, cell.second):
+            if method is not None and cell.stokes >= _met_from(method, target, body, error):
+                return method
+    return None
+
+
+def _met_from(method: Method, target: float, body: str, error: str) -> float:
+    """St from which on random bodies meet an error by a method; 0 if it does not average the whole run."""
+    if method.form not in ORDERS:
+        return 0.0
+    name = ORDERS[method.form]
+    if error == "orientation_error":
+        # Second order alone has an orientation.
+        assert name == ORDER_TWO
+        name = TURNED
+    return max(met_from(name, kind, target) for kind in _KINDS[body])
+
+
+def in_words(method: Method | None) -> str:
+    """The equations that a method solves; if full, also the kind of solver.
 
     "split" stands for the solvers made for large St, `splitting` and `stroboscopic`; an explicit
     solver has no word.
     """
-    if cell.winner is None:
+    if method is None:
         return "–"
-    if cell.winner.form in _AVERAGING_FORMS:
-        return _AVERAGING_FORMS[cell.winner.form]
-    if cell.winner.side == "tailored":
+    if method.form in _AVERAGING_FORMS:
+        return _AVERAGING_FORMS[method.form]
+    if method.side == "tailored":
         return "full, split"
-    return "full, implicit" if cell.winner.side == "implicit" else "full"
+    return "full, implicit" if method.side == "implicit" else "full"
 
 
 def _range(stokes: Sequence[float]) -> str:

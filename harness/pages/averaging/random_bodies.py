@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from polhode.harness.analysis.frames import rows_of
+from polhode.harness.answers.averaging_laws import TURNED
 from polhode.harness.averaging import bodies, random_study, shares
 from polhode.harness.averaging.bodies import KINDS
-from polhode.harness.averaging.laws import TURNED, laws_of, write_laws
+from polhode.harness.averaging.laws import laws_of, write_laws
 from polhode.harness.averaging.random_study import (
     STUDIED_SLOW_TIMES,
     Data,
@@ -48,7 +49,7 @@ from polhode.harness.averaging.shares import (
     quantile,
 )
 from polhode.harness.common.files import write_file
-from polhode.harness.common.fits import wilson
+from polhode.harness.common.fits import least_bodies, wilson
 from polhode.harness.common.machine import provenance
 from polhode.harness.common.text import aligned, cells, in_two_digits, markdown, short
 from polhode.harness.pages.figures.averaging import Band, bands
@@ -166,6 +167,7 @@ def page(data: Data, command: str, laws: dict[str, Any] | None = None) -> str:
         by_time=time_rows(data),
         exponents=exponent_rows(analysis.exponents),
         runs=runs,
+        least=least_bodies(SHARES[-1]),
         wide_from=_WIDE,
         wide=[why_wide(row) for row in analysis.exponents if row.width > _WIDE],
         bounded=[_bounded_row(row) for row in sorted(analysis.bounded, key=_place)],

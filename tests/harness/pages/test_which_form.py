@@ -7,9 +7,11 @@ import pytest
 
 from polhode.harness.analysis.pareto import Method
 from polhode.harness.analysis.regime_map import Cell
+from polhode.harness.answers.averaging_laws import ORDER_ONE, met_from
 from polhode.harness.pages.regimes import read_cells
-from polhode.harness.pages.which_form import BEGIN, END, tables, winner_in_words, with_tables
+from polhode.harness.pages.which_form import BEGIN, END, in_words, tables, with_tables
 
+ERRORS = ("slow_error", "orientation_error")
 ROOT = Path(__file__).parents[3]
 CELLS = ROOT / "reports" / "regimes" / "cells.csv"
 PAGES = [ROOT / "README.md", ROOT / "docs" / "quickstart.md"]
@@ -58,8 +60,21 @@ def test_the_answer_for_a_stokes_number_and_an_error_is_in_the_table():
     ],
 )
 def test_a_winner_in_words(form: str, solver: str, words: str):
-    assert winner_in_words(Cell(1.0, 1e-4, True, Method(form, solver))) == words
-    assert winner_in_words(Cell(1.0, 1e-4, True)) == "–"
+    assert in_words(Method(form, solver)) == words
+    assert in_words(None) == "–"
+
+
+def test_an_averaged_form_is_named_from_the_st_on_that_random_bodies_need():
+    first = Method("averaged", "cyrk-vern8")
+    full = Method("quaternion", "taylor")
+    needed = max(met_from(ORDER_ONE, kind, 1e-2) for kind in ("stays", "resonance", "crosses"))
+    assert 1e4 < needed < 1e5
+    cells = [Cell(stokes, 1e-2, True, first, full) for stokes in (needed / 1.01, needed * 1.01)]
+    # The other panels of the maps have no cells.
+    maps = {(body, error): [] for body in ("ellipsoid", "spheroid") for error in ERRORS}
+    maps["ellipsoid", "slow_error"] = cells
+    rows = tables(maps).splitlines()
+    assert [row.split("|")[2].strip() for row in rows[2:4]] == ["full", "first order"]
 
 
 def test_a_page_without_a_place_is_refused():
