@@ -28,8 +28,8 @@ from polhode.harness.answers.fitted import (
 from polhode.harness.answers.request import WANTS
 from polhode.harness.answers.rules import Method, full_method, methods_for, rotations, stiff
 from polhode.harness.answers.runs import Runner
+from polhode.harness.answers.starts import settled
 from polhode.harness.answers.statement import difference
-from polhode.harness.averaging.bodies import settled
 from polhode.harness.common.files import digest, write_file
 from polhode.harness.common.fits import wilson
 from polhode.harness.common.progress import in_steps
@@ -647,14 +647,14 @@ class _Ratio(NamedTuple):
 
     value: float
     sort: str  # of the scene
-    index: int  # of the scene within its sort
+    number: int  # of the scene within its sort
 
 
 def _worst_of_scenes(members: Sequence[_Ratio]) -> list[_Ratio]:
     """The largest ratio of each scene."""
     worst: dict[tuple[str, int], _Ratio] = {}
     for member in members:
-        scene = member.sort, member.index
+        scene = member.sort, member.number
         worst[scene] = max(member, worst.get(scene, member))
     return [*worst.values()]
 
@@ -668,11 +668,11 @@ def _upper_end(members: Sequence[_Ratio]) -> float:
     for member in members:
         by_sort.setdefault(member.sort, []).append(member.value)
     values = np.concatenate([*by_sort.values()])
-    ends = [_FIT_MARGIN * np.quantile(values, 1 - _FITTED_ABOVE)]
+    end = _FIT_MARGIN * np.quantile(values, 1 - _FITTED_ABOVE)
     for of_sort in by_sort.values():
         if len(of_sort) >= _LEAST_FITTED:
-            ends.append(np.quantile(of_sort, 1 - MOST_MISSED))
-    return float(max(ends))
+            end = max(end, np.quantile(of_sort, 1 - MOST_MISSED))
+    return float(end)
 
 
 def _in_two_digits(value: float) -> float:

@@ -12,9 +12,9 @@ from functools import cache
 from math import inf, nan, sqrt
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from polhode.harness.answers.averaging import above_separatrix
+from polhode.harness.answers.starts import settled
 from polhode.models.catalogue import averaged_form, form as find_form
 from polhode.models.form import FormNotValidError
 from polhode.models.rotation import Triple
@@ -44,9 +44,6 @@ _LARGEST_RATIO = 0.95
 # Least and largest log₁₀ of the relative difference of two semi-axes that hardly differ. The largest
 # difference, 5 %, is where different ones begin (`_LARGEST_RATIO`); the least one is an estimate.
 _NEAR_EXPONENTS = (-3.0, -1.3)
-# Least and largest log₁₀ of the tilt in rad, and of the spin in shear rates, that a settled body has left.
-# Estimates: with larger ones the kind would be like "any shape".
-_DISTURBED_EXPONENTS = (-3.0, -1.0)
 # A resonance is strong if its kick to L over I_max is at least this over √St. An estimate: with twice as much,
 # some bodies would move from the kind "resonance" to "stays".
 STRONG_KICK = 0.01
@@ -219,22 +216,6 @@ def _rest(draw: np.random.Generator, ellipsoid: Ellipsoid) -> tuple[np.ndarray, 
     """Isotropic orientation, at rest."""
     quaternion, _ = _isotropic(draw, ellipsoid)
     return quaternion, np.zeros(3)
-
-
-def settled(draw: np.random.Generator, ellipsoid: Ellipsoid) -> tuple[np.ndarray, np.ndarray]:
-    """The shortest axis along the vorticity, and half the shear rate about it, both a little off.
-
-    The fluid turns at -1/2 about z, in shear rates. The orientation is made of three rotations: the
-    shortest axis goes to z, then any angle about z, then a small tilt.
-    """
-    disturbance = 10 ** draw.uniform(*_DISTURBED_EXPONENTS)
-    shortest = np.eye(3)[ellipsoid.order[2]]
-    spin = -0.5 * shortest + disturbance * draw.normal(size=3)
-    to_z = Rotation.align_vectors([[0.0, 0.0, 1.0]], [shortest])[0]
-    about_z = Rotation.from_rotvec([0.0, 0.0, draw.uniform(0, 2 * np.pi)])
-    tilt = Rotation.from_rotvec(disturbance * draw.normal(size=3))
-    x, y, z, w = (tilt * about_z * to_z).as_quat()
-    return np.array([w, x, y, z]), spin
 
 
 # Starts by kind: a quaternion (w, x, y, z), shape (4,), and an angular velocity in body axes, shape (3,). The

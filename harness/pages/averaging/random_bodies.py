@@ -90,7 +90,8 @@ _ALMOST_ALL = 0.9
 # Half the width of an exponent's interval from which on the page says why it is not narrower. An estimate: a third of
 # the least difference between two exponents of theory.
 _WIDE = 0.1
-# Bodies below which an interval is wide for their number alone; an estimate, between 60 and 200 (`random_study.BODIES`).
+# Bodies below which an interval is wide for their number alone. An estimate, between 60 and 200
+# (`random_study.BODIES`).
 _FEW_BODIES = 100
 # Quantiles of a band over the bodies: its lower edge, its line, its upper edge.
 _BAND = (0.025, 0.5, 0.975)

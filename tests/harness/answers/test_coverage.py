@@ -15,6 +15,8 @@ def row(solver="cyrk-vern8", tolerance=1e-8, turns=100.0, slow=1e-7, **more):
     return {
         "form": "quaternion",
         "solver": solver,
+        "sort": "ordinary",
+        "index": 0,
         "kind": "tighter",
         "family": "explicit",
         "tolerance": tolerance,
@@ -61,6 +63,25 @@ def test_a_factor_stands_above_nearly_all_runs():
     low, middle, high = coverage.fitted(rows)["factors"]["tighter"]["explicit"]["slow"]
     assert (low, middle) == (pytest.approx(0.035, rel=0.1), pytest.approx(0.5, rel=0.1))
     assert 1.2 < high < 1.4
+
+
+def test_a_sort_of_few_scenes_is_not_outvoted():
+    factor = fitted.factors()["tighter"]["explicit"]["slow"].high
+    stated = [0.0, 1e-7, factor * 1e-6]
+    rows = [row(turns=10 + i, slow=1e-7, slow_stated=stated) for i in range(4000)]
+    rows += [row(sort="settled", slow=9e-7, slow_stated=stated, index=i) for i in range(50)]
+    _, _, high = coverage.fitted(rows)["factors"]["tighter"]["explicit"]["slow"]
+    assert high == pytest.approx(0.9, rel=0.01)
+
+
+def test_an_estimate_counts_once_a_scene():
+    factor = fitted.factors()["estimate"]["second order"]["slow"].high
+    words = {"kind": "estimate", "family": "second order", "slow_stated": [0, 0, factor * 1e-6]}
+    rows = [row(turns=10 + i, slow=1e-6 if i < 2 else 1e-7, index=i, **words) for i in range(200)]
+    # Two scenes in two hundred err more; one of them is run often.
+    rows += [row(turns=10 + i, slow=1e-6, index=0, **words) for i in range(100)]
+    _, _, high = coverage.fitted(rows)["factors"]["estimate"]["second order"]["slow"]
+    assert high == pytest.approx(0.13, rel=0.01)
 
 
 def test_a_fit_replaces_what_it_has_and_leaves_the_rest(tmp_path, monkeypatch):

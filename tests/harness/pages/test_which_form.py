@@ -69,10 +69,15 @@ def test_an_averaged_form_is_named_from_the_st_on_that_random_bodies_need():
     full = Method("quaternion", "taylor")
     needed = max(met_from(ORDER_ONE, kind, 1e-2) for kind in ("stays", "resonance", "crosses"))
     assert 1e4 < needed < 1e5
-    cells = [Cell(stokes, 1e-2, True, first, full) for stokes in (needed / 1.01, needed * 1.01)]
-    # The other panels of the maps have no cells.
-    maps = {(body, error): [] for body in ("ellipsoid", "spheroid") for error in ERRORS}
-    maps["ellipsoid", "slow_error"] = cells
+    maps = {}
+    for body in ("ellipsoid", "spheroid"):
+        for error in ERRORS:
+            winner = first if (body, error) == ("ellipsoid", "slow_error") else full
+            maps[body, error] = [
+                Cell(stokes, target, True, winner, full)
+                for stokes in (needed / 1.01, needed * 1.01)
+                for target in (1e-2, 1e-4, 1e-6)
+            ]
     rows = tables(maps).splitlines()
     assert [row.split("|")[2].strip() for row in rows[2:4]] == ["full", "first order"]
 
