@@ -32,7 +32,9 @@ class Factors(NamedTuple):
 
     low: float  # 2.5 % of the runs lie below it
     middle: float  # the median
-    high: float  # 1.3 times the value that 98.5 % of the runs stay below, or 1.3 times the median if that is larger
+    # The largest of these: 1.3 times the value that 98.5 % of the runs stay below, 1.3 times the median, and the value
+    # that 97.5 % of the runs of each sort of scene stay below. Of an estimate scenes count, not runs.
+    high: float
 
 
 class Growth(NamedTuple):
