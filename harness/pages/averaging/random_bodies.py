@@ -448,7 +448,7 @@ def why_wide(exponent: Exponent) -> str:
     if exponent.bodies < _FEW_BODIES:
         reasons.append(f"{exponent.bodies} bodies")
     span = f"{short(exponent.begin)} to {short(exponent.end)}"
-    why = " and ".join(reasons) or "no reason is known"
+    why = "; ".join(reasons) or "no reason is known"
     kind = _crossing_kind(exponent)
     return f"{kind}, {exponent.order}, {_ERRORS[exponent.error]}, {span}: {why}"
 
