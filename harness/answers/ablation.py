@@ -44,7 +44,7 @@ def _always(value: Any) -> Callable[..., Any]:
 
 
 RACE_PARTS = (
-    Part("a run is stopped that costs 1.2 times the best", race, "TIED", _ANY),
+    Part(f"a run is stopped that costs {race.TIED:g} times the best", race, "TIED", _ANY),
     Part("a method runs at up to two tolerances", race, "_MAX_RUNS", 1),
     Part("a run of a small error is made again at a looser tolerance", race, "_LEAST_SHARE", 0.0),
     Part("an averaged run far from the error is not made again", race, "_HOPELESS", inf),

@@ -67,9 +67,9 @@ LOOSER = 30.0
 # The loosest tolerance of a second run: looser ones hold nothing, so where it would be looser the second run
 # is tighter than the first. An estimate.
 _LOOSE = 1e-5
-# Least ratio of the steps of the better run to the steps of the worse run of one method. At this
-# ratio the better run of a method of order 5 errs by as much as the two differ, of order 6 by three quarters
-# of it, and below it by more.
+# Least ratio of the steps of the better run to the steps of the worse run of one method. With it the better run
+# of a method of order 5 errs by as much as the two differ, that of order 6 by three quarters of it. With a smaller
+# ratio it errs by more.
 _LEAST_STEP_RATIO = 1.15
 # The same of splitting, where smaller factors hide errors up to 60 times the difference.
 LEAST_STEP_RATIO_SPLITTING = 1.35
@@ -252,10 +252,8 @@ def _next_run(
     """A run of a search; on Ctrl-C the one before is worth more than its beginning, if that has ended."""
     if previous is None:
         return runner.run(method, tolerance, watch=watch)
-    try:
+    with _kept(runner, previous):
         return runner.run(method, tolerance, previous.limit, watch)
-    except Interrupted:
-        raise Interrupted(runner.rows(previous.solution)) from None
 
 
 def advised(answer: Answer, scene: Scene, error: float, want: str) -> RunError:

@@ -47,7 +47,7 @@ from polhode.harness.answers.rules import (
     steps_of,
     stiff,
 )
-from polhode.harness.answers.runs import MAX_STEPS, Run
+from polhode.harness.answers.runs import MAX_STEPS, Run, Runner
 from polhode.harness.answers.segment import KNOWN_SHARE, Remembering, Segment, in_tables
 from polhode.harness.answers.statement import difference
 from polhode.harness.answers.tolerances import Known, loosest, planned
@@ -245,6 +245,14 @@ def _seconds(entry: Entry) -> float:
     return entry.seconds.predicted
 
 
+def _uncut(runner: Runner, method: Method, tolerance: float, limit: int) -> Run | None:
+    """A run that has ended within so many steps; None if it was cut, failed, or may take none."""
+    if not limit:
+        return None
+    run = runner.run(method, tolerance, limit)
+    return run if run.success else None
+
+
 class Heat:
     """The runs of one race, and what comes of them."""
 
@@ -387,8 +395,8 @@ class Heat:
         )
         limit = self.limit(method, cost, segment.raced.ratio)
         for _ in range(_MAX_RUNS):
-            run = segment.runner.run(method, tolerance, limit) if limit else None
-            if run is None or not run.success:
+            run = _uncut(segment.runner, method, tolerance, limit)
+            if run is None:
                 why = why or _TOO_DEAR
                 break
             segment.find_reference()
@@ -543,12 +551,12 @@ class Heat:
         """A run of the scene itself, and its seconds; raises NotKnownError if it is cut."""
         cost = pace(method, tolerance)
         limit = self.limit(method, cost, 1.0)
-        if not limit:
+        run = _uncut(self.itself, method, tolerance, limit)
+        if run is None:
             raise NotKnownError(_TOO_DEAR)
-        run = self.itself.run(method, tolerance, limit)
         seconds = self.itself.paid(run, self.samples)
         cut = seconds > TIED * self.best and method not in self.uncut
-        if not run.success or (cut and not self.bare):
+        if cut and not self.bare:
             raise NotKnownError(_TOO_DEAR)
         return run, seconds
 

@@ -111,12 +111,8 @@ class Runner:
                     del records[case]
                 elif reply.failure:
                     record = records[case]
-                    records[case] = {
-                        "date": record["date"],
-                        "tags": record["tags"],
-                        **how_failed(reply.failure, reply.message),
-                        "inferred": False,
-                    }
+                    failed = _failed(reply.failure, reply.message)
+                    records[case] = {"date": record["date"], "tags": record["tags"], **failed}
                 else:
                     timings[case] = timings[case].and_one(*reply.value)
             timed = [
@@ -154,13 +150,15 @@ class Runner:
         reply = self._worker.run(attempt, case, limit=case.max_seconds + COMPILATION)
         if reply.failure is Failure.LOST:
             return None
-        if reply.value:
-            record = judge(case, *reply.value)
-        else:
-            record = how_failed(reply.failure, reply.message) | {"inferred": False}
+        record = judge(case, *reply.value) if reply.value else _failed(reply.failure, reply.message)
         if _too_slow(record):
             self._too_slow[_group(case)] = record
         return record
+
+
+def _failed(failure: Failure | None, message: str) -> Record:
+    """The record of a case whose run took its process with it, or raised: nothing of it is inferred."""
+    return how_failed(failure, message) | {"inferred": False}
 
 
 def how_failed(failure: Failure | None, message: str) -> Record:
