@@ -6,7 +6,7 @@ factors of statements, or the estimates of the theory, have changed. Errors stay
 
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from math import isnan
 from multiprocessing import get_context
 from typing import Any
@@ -31,6 +31,7 @@ from polhode.harness.common.machine import surroundings
 from polhode.harness.common.progress import Steps
 from polhode.harness.common.store import Record, Store
 from polhode.models.catalogue import form as find_form
+from polhode.models.form import FormNotValidError
 from polhode.models.hybrid.form import Hybrid
 
 # Columns of the table of errors that are made anew.
@@ -97,7 +98,10 @@ def _stated(rows: Sequence[Record]) -> list[dict[str, float]]:
         else:
             for slow_time in STUDIED_SLOW_TIMES:
                 # Second order may follow a run for a part of these times only.
-                if not isnan(row[f"slow_{slow_time:g}"]):
+                if isnan(row[f"slow_{slow_time:g}"]):
+                    continue
+                # A later version of the form may refuse a run that an earlier one followed.
+                with suppress(FormNotValidError):
                     statement |= stated_of(body, task, find_form(row["form"]), slow_time)
         # NaN is no JSON.
         statements.append({name: value for name, value in statement.items() if not isnan(value)})
