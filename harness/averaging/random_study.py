@@ -89,7 +89,7 @@ STATED_BODIES = 200
 TIMED_BODIES = 8
 # Bodies of each kind that `hybrid` follows by St, estimates that bound the cost: fewer where references take
 # longer. At smaller St the form follows the full equations all the time.
-HYBRID_BODIES = {1e4: 60, 1e5: 60, 1e6: 20, 1e7: 5, 1e8: 5}
+HYBRID_BODIES = {1e4: 60, 1e5: 60, 1e6: 20, 1e7: 5, 1e8: 2}
 # Errors of L and E over I_max that `hybrid` is asked for; estimates.
 REQUESTED_ERRORS = (1e-4, 1e-6, 1e-8)
 # Bodies of each kind by St for which the cost of the full equations is measured; estimates that bound the
