@@ -178,7 +178,7 @@ def test_options_that_make_no_sense_are_one_line(tmp_path):
     assert "orders.csv: No such file or directory, expected a table of shape" in told(
         "--order", "2", "--page-only"
     )
-    assert "--quick, --part, --page-only: got several" in told(
+    assert "--quick, --part, --page-only, --restate: got several" in told(
         "--order", "2", "--page-only", "--part", "cost"
     )
     assert "--part: got --order all, expected --order 2" in told("--part", "cost")
