@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 # Rows that `write_csv` writes between two reports of its progress. An estimate: fewer
 # rows only report more often.
 _ROWS_PER_NOTE = 10_000
-# Columns of CSV files and frames: the time, the slow time, L and E in space axes, and the rotation
-# matrix, whose rows are body axes in space.
+# Columns of CSV files and frames: the time, the slow time, L in space axes, E, and the rotation matrix,
+# whose rows are body axes in space.
 COLUMNS = ["t", "t2", "Lx", "Ly", "Lz", "E"]
 COLUMNS += [f"R{i}{j}" for i, j in product((1, 2, 3), repeat=2)]
 # On demand: ω in space axes.
@@ -141,7 +141,7 @@ class SceneSolution(LikeSolveIvp):
         )
 
     def segments_in_words(self, most: int = _SHOWN_SEGMENTS) -> list[str]:
-        """The segments, one a line, in `most` lines; the last one counts those that are left out."""
+        """The segments, one a line, in at most `most` lines; the last one counts those that are left out, if any."""
         lines = [
             f"t₂ = {segment.begin:.3g} to {segment.end:.3g}: {segment.reason}"
             f"{'' if segment.averaged else ', full equations'}, error below {scientific(segment.error)}"
@@ -156,11 +156,13 @@ class SceneSolution(LikeSolveIvp):
     # Names of version 0.1, which warn.
     pieces = Former("segments")
     pieces_in_words = Former("segments_in_words")
+
     form = property(attrgetter("equations.name"), doc="Name of the form.")
     solver = property(attrgetter("run.solver"), doc="Name of the solver.")
     tolerance = property(attrgetter("run.settings.tolerance"), doc="The solver's.")
     status = property(
-        attrgetter("run.status"), doc="How the run ended; failure has the rows finished before it."
+        attrgetter("run.status"),
+        doc="How the run ended; after a failure there are the rows before it.",
     )
     message = property(attrgetter("run.message"), doc="Why it failed, in the library's own words.")
     work = property(attrgetter("run.work"), doc="What the run cost.")
@@ -215,7 +217,7 @@ class SceneSolution(LikeSolveIvp):
         return table
 
     def provenance(self) -> dict[str, Any]:
-        """The origin of the numbers, as plain data: scene, form, solver, tolerance, error, versions."""
+        """The origin of the numbers, as plain data: scene, form, solver, tolerance, versions; and how the run went."""
         from polhode.models.files.scene_file import scene_table
 
         names = ("form", "solver", "tolerance", "seconds")
@@ -292,13 +294,13 @@ class SceneSolution(LikeSolveIvp):
 def write_csv(file: IO[str], table: np.ndarray, advance: Callable[[float], None]) -> None:
     """Write a table, shape (n, 15) or (n, 18), under `COLUMNS` and, if it has them, `OMEGA`.
 
-    `advance` hears which share of the rows is written, from 0 to 1.
+    `advance` hears which share of the rows is written: above 0, and 1 at the end.
     """
     file.write(",".join([*COLUMNS, *OMEGA][: table.shape[1]]) + "\n")
     for first in range(0, len(table), _ROWS_PER_NOTE):
         rows = table[first : first + _ROWS_PER_NOTE].tolist()
         file.writelines(map(_line, rows))
-        advance(first / len(table))
+        advance((first + len(rows)) / len(table))
 
 
 def _line(row: list[float]) -> str:

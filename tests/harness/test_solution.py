@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from io import StringIO
 from math import pi
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from polhode import Scene, SceneSolution, solve
 from polhode.harness.events import ARRIVED, EVENTS, Event, as_events, happened
-from polhode.harness.solution import COLUMNS, OMEGA
+from polhode.harness.solution import _ROWS_PER_NOTE, COLUMNS, OMEGA, write_csv
 from polhode.models.files.scene_file import parse_scene, scene_table
 from polhode.models.problem import Problem
 from polhode.models.scenes import named_scene
@@ -355,3 +356,9 @@ def test_parquet(tmp_path):
     pd.testing.assert_frame_equal(
         pd.read_parquet(tmp_path / "a.parquet"), solution.frame(omega=True)
     )
+
+
+def test_writing_rows_tells_the_share_that_is_written():
+    shares: list[float] = []
+    write_csv(StringIO(), np.zeros((_ROWS_PER_NOTE + 1, len(COLUMNS))), shares.append)
+    assert shares == pytest.approx([1 - 1 / (_ROWS_PER_NOTE + 1), 1.0])
