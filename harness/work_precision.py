@@ -72,8 +72,8 @@ _ERRORS = ("max", "final", "L2")
 # Status of solvers that do not take a function in plain Python, and what rows of others say then.
 _REFUSED = "refused"
 _PLAIN_PYTHON = "plain Python"
-# An error above this share of the state's size is no accuracy: it is not known, and the run no success.
-# An estimate: from 0.1 on, an error no longer falls in proportion to the tolerance.
+# An error above this is no accuracy. In the measure of the errors it is not `known`. A deviation above this
+# share of the state's size is no success either. An estimate: larger errors hardly follow the tolerance.
 _NO_ACCURACY = 0.1
 # Uncertainty of a reference, in the measure of the errors, from which on it contradicts no run. It is a tenth
 # of `_NO_ACCURACY`, the error that the reference would have to judge.
@@ -87,14 +87,17 @@ Atol = float | Sequence[float] | Callable[[float], float | Sequence[float]] | No
 class WorkPrecision:
     """A work-precision study of one problem: `frame` holds the rows, `plot` draws them, `write` makes a page.
 
-    A row is a solver at a relative tolerance. Its columns, with times in seconds:
+    A row is a solver at a relative tolerance. Its main columns, with times in seconds:
 
     - `seconds`: the fastest warm run, the integration alone, as in `solve(...).seconds`;
-    - `compile_seconds`: what preparing the solver took, nothing once that is cached;
+    - `spread`: the slowest of the warm runs less the fastest;
+    - `compile_seconds`: what preparing the solver took, nothing once that is cached; of a function, what its
+      first call took beyond the fastest one;
     - `trace_seconds`: what tracing the function took, once for all rows;
     - `error`: measured against `reference`, whose `uncertainty` is in the same measure;
     - `known`: whether the error is above ten times that uncertainty and not above 0.1;
-    - `status`: `false_success` for a run that is off by more than 0.1 of the state's size;
+    - `status`: `false_success` also for a run that is off by more than 0.1 of the state's size, by a
+      reference whose uncertainty is below 0.01;
     - `runs_as`: whether the right-hand side was "compiled" or "plain Python". Solvers that take compiled
       ones alone then have one row, of status `refused`, with the reason. Rows of solvers that are functions
       say "function": they may compile it or not.
@@ -120,11 +123,12 @@ class WorkPrecision:
         No progress on the terminal.
     classical : Classical, optional
         A test problem: the error is that of the end, `Classical.error`, against the published one,
-        and `atol` its authors'.
+        whatever `error` and `relative` say. `atol` is by default `Classical.atol`.
     atol : float, sequence of float or callable, optional
-        Absolute tolerance of all rows, one number or one per component; or a function of the
-        relative tolerance, ``lambda rtol: 1e-6 * rtol``. By default the relative tolerance times the
-        largest component of the start.
+        Absolute tolerance of all rows but those of setups with an `atol` of their own: one number or
+        one per component; or a function of the relative tolerance, ``lambda rtol: 1e-6 * rtol``. By
+        default the relative tolerance times the largest component of the start, or that tolerance
+        if the start is 0.
     error : {"max", "final", "L2"}
         The largest deviation of any component at any sample; the largest at the end; the root mean
         square over samples and components.
@@ -132,7 +136,8 @@ class WorkPrecision:
         Whether a component's deviation is divided by that component's largest magnitude.
     reference : callable, ndarray or solution, optional
         One's own: a function of the user's time that returns the state, states of shape (samples,
-        d), or a solution with `sol`. Taken as exact.
+        d), or a solution with `sol`. Taken as exact. With `over`, the function may take all these
+        parameters by name, too.
     over : dict, optional
         A parameter of the function by name, and its values: the study is made for all of them, and
         `frame` has a column for the parameter. Several parameters are combined in all ways.
@@ -240,7 +245,10 @@ class WorkPrecision:
 
     @cached_property
     def reference(self) -> tuple[np.ndarray, float]:
-        """States, shape (samples, d), and their uncertainty in the same measure as the errors."""
+        """States, shape (samples, d), and their uncertainty in the same measure as the errors.
+
+        A classical problem has the states at start and end alone, shape (2, d).
+        """
         return self._reference.states, self._reference.uncertainty
 
     @property
@@ -340,7 +348,7 @@ class WorkPrecision:
         return pd.DataFrame(rows)
 
     def _refusal(self, setup: Setup) -> str:
-        """Why a solver does not take a function in plain Python; empty if it does."""
+        """Why a solver does not take a function in plain Python; empty if it does, and for any other function."""
         if setup.solver is None or not self.one.plain:
             return ""
         try:
@@ -395,7 +403,7 @@ class WorkPrecision:
         return write_file(Path(path), dumps({**self.settings(), "rows": rows}) + "\n")
 
     def settings(self) -> dict[str, Any]:
-        """The requested settings, and the reference."""
+        """The requested settings, the source of the reference in words, and `surroundings`."""
         sources = [_source(study) for _, study in self.studies]
         return {
             "problem": self.name,
@@ -455,7 +463,7 @@ class WorkPrecision:
         """One run as ``run(max_seconds, count=, doubt=)``, by a solver or by a function in its place.
 
         With `count` right-hand sides are counted; with `doubt` a claimed success is looked at, which takes time.
-        Neither is for runs that are timed.
+        Neither is for runs that are timed. A function has no time limit, and `doubt` changes nothing.
         """
         problem = self.one
         times = self.times
@@ -475,7 +483,7 @@ class WorkPrecision:
     ) -> dict[str, Any]:
         """The row of a setup at a tolerance.
 
-        `exact`, shape (samples, d), and `uncertainty` are the reference; both are None if there is none.
+        `exact` and `uncertainty` are `reference`; both are None if there is none.
         The first run counts right-hand sides, and gives status and error. Times come from further
         runs, which count nothing; a run that failed or was too slow has none.
         """
@@ -660,8 +668,8 @@ def run_problems(
     stored_keys = store.keys()
     all_rows = []
     # Seconds of a case: compilation, and for each tolerance the first run and those that are timed. The last of
-    # these may begin just before their budget is spent: hence twice the budget. The worker is killed at twice
-    # the sum.
+    # these may begin just before their budget is spent: hence twice the budget, an estimate. The worker is
+    # killed at twice the sum (`Worker.run`).
     limit = COMPILATION + len(settings["tolerances"]) * (settings["max_seconds"] + 2 * BUDGET)
     progress = Steps("problems", len(cases_by_key), "cases", quiet)
     with Worker() as worker, progress:
@@ -706,7 +714,7 @@ def run_problems(
 def pairs_of(names: Sequence[str], solvers: Sequence[str]) -> list[tuple[str, str]]:
     """Pairs of a problem and a solver that takes it; all problems and all solvers unless they are named.
 
-    Raises ValueError if a problem has another name, or no solver takes one of them.
+    Raises ValueError if a name is no problem's, or none of the solvers takes any of the problems.
     """
     for name in names:
         if name not in PROBLEMS:

@@ -31,11 +31,11 @@ Matrix = tuple[Triple, Triple, Triple]
 _TRACE_ROUNDING = 1e-12
 # A track covers a run that exceeds it by this share of its length: times are rounded, as entries are.
 _TIME_ROUNDING = 1e-12
-# Neighbouring gaps between knots may differ by this ratio. An estimate: of the slope over a gap that is
-# so short beside the other one, rounding leaves seven digits.
+# Least ratio of a gap between knots to its neighbour. An estimate: of the slope over a gap that is so
+# short beside the other one, rounding leaves seven digits.
 _LEAST_GAP_RATIO = 1e-9
-# The largest entry of a gradient, in units of the reference rate, as `scene` has it for angular
-# velocities: nothing that is computed of it overflows.
+# The largest entry of a gradient, in units of the reference rate, as `polhode.models.scene` has it for
+# angular velocities: nothing that is computed of it overflows.
 _LARGEST_ENTRY = 1e30
 
 
@@ -149,7 +149,7 @@ class Flow:
         spline = CubicSpline(np.array(self.knots), flow_numbers(np.array(self.gradients)))
         return np.ascontiguousarray(np.moveaxis(spline.c[::-1], 1, 0))
 
-    # The name of version 0.1, which warns.
+    # The name of version 0.1 for `interval`; its use warns.
     segment = Former("interval")
 
     def interval(self, time: float) -> int:
@@ -190,9 +190,9 @@ class Flow:
 
     @cached_property
     def rate(self) -> float:
-        """Half the gradient's norm: how fast the flow turns bodies, in rad per unit of time; ½ in simple shear.
+        """Half the gradient's Frobenius norm: about how fast the flow turns bodies, in rad per unit of time.
 
-        A track has the largest rate at its knots.
+        It is ½ in simple shear. A track has the largest rate at its knots.
         """
         matrices = np.array(self.gradients or (self.gradient,))
         return 0.5 * float(np.max(np.linalg.norm(matrices, axis=(1, 2))))
@@ -231,7 +231,7 @@ def _checked_knots(times: Any) -> tuple[float, ...]:
 
 
 def checked_gradient(name: str, given: Any) -> Matrix:
-    """A gradient in Python's numbers; raises ValueError unless it is 3 × 3, finite and of trace zero."""
+    """A gradient in Python's numbers; raises ValueError, which begins with `name`, unless it is one (`Flow`)."""
     try:
         rows = [list(row) for row in given]
     except TypeError:

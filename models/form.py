@@ -14,7 +14,7 @@ from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
 # `Form.observe` gives one of these: the whole rotation matrix, its row of the symmetry axis alone, or neither.
 Orientation = Literal["full", "axis", "none"]
 
-# The refusal of a start by L and E alone that no averaged form takes.
+# Advice that ends the refusal of a start by L and E alone where no averaged form takes it.
 _WAY_OUT = "give a start with angles or a quaternion"
 
 
@@ -46,10 +46,10 @@ class Form(ABC):
     3. `observe` maps the states of a solution to observables, the same for every form.
     4. A form has no data of its own: everything comes from the scene, so that forms pickle and
        compare by name.
-    5. The vector field is a factory at the top of the form's module, over generic numbers, in mass
-       form: the rows of the angular velocity carry the mass ``p[0]`` (alpha), the torque carries the
-       factor ``p[1]`` (beta). (alpha, beta) = (1, 1/St) is the explicit form, (St, 1) the implicit
-       one.
+    5. The vector field is a factory at the top of the form's module, over generic numbers. Where the
+       full equations have both inertia and torque, it is in mass form: the rows of the angular
+       velocity, or of L, carry the mass ``p[0]`` (alpha), the torque carries the factor ``p[1]``
+       (beta). (alpha, beta) = (1, 1/St) is the explicit form, (St, 1) the implicit one.
     """
 
     # Attributes that every form sets; the catalogue refuses one without them.

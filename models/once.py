@@ -72,7 +72,7 @@ class Once(Generic[P, R]):
         return self.__qualname__
 
     def __len__(self) -> int:
-        """Results that are cached now."""
+        """Number of results that are cached now, those included that a thread is computing."""
         return len(self._entries)
 
     def cache_clear(self) -> None:

@@ -57,7 +57,7 @@ class Operations:
 
 
 def polynomial(coefficients: Sequence[Any], x: Any) -> Any:
-    """Value of a polynomial, lowest power first, in pairs that a processor computes side by side."""
+    """Value of a polynomial, lowest power first, by Estrin's scheme: a processor computes its pairs side by side."""
     while len(coefficients) > 1:
         pairs = [
             low + high * x for low, high in zip(coefficients[::2], coefficients[1::2], strict=False)

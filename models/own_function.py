@@ -49,8 +49,9 @@ class OwnField:
     timed: bool
     t_start: float
     t_end: float
-    # The operations that it computes, recorded when a run began: names that it reads may mean
-    # something else later. None if it runs as plain Python.
+    # The operations that it computes, recorded when the problem was made, and anew when a run begins
+    # (`recorded_anew`): names that it reads may mean something else later. None if it runs as plain
+    # Python.
     recording: Recording | None = field(default=None, repr=False)
     # Why it is not recorded, in one line.
     plain_reason: str = field(default="", compare=False, repr=False)
@@ -81,7 +82,10 @@ class OwnField:
         return np.minimum(self.t_start + elapsed, self.t_end)
 
     def rates(self, parameters: Sequence[float]) -> Callable[[float, Any], Any]:
-        """The function as ``rates(elapsed, y)`` of the run's time, in plain Python."""
+        """The function as ``rates(elapsed, y)`` of the run's time, in plain Python.
+
+        From a start at 0 on, forwards, the two times are the same, and times beyond the end are passed on.
+        """
         function = self.function
         begin = self.t_start
         end = self.t_end
@@ -94,7 +98,7 @@ class OwnField:
         return function
 
     def __call__(self, ops: Operations) -> Field:
-        """Bind the function to a kind of number."""
+        """Bind the function to a kind of number; UntraceableError if it runs as plain Python and cannot."""
         if ops is FLOAT or (self.plain and ops is ARRAYS):
             return self._called
         if self.recording is None:
@@ -197,7 +201,9 @@ def own_field(
     """The start and the factory of a function's field.
 
     `structure` is what `structure_of` takes but the dimension: the Jacobian, its pattern, and its
-    numbers of diagonals below and above. The start ends with the time 0 if the function uses time.
+    numbers of diagonals below and above. `mass`, shape (d,) or (d, d), is M in ``M y' = f``. A singular
+    one is the caller's to keep (`Problem.mass_form`). The start ends with the time 0 if the function
+    is recorded and uses time.
 
     Raises ValueError as `Problem.from_function` does.
     """
@@ -313,6 +319,7 @@ def _all_finite(rates: list[Any]) -> bool:
 def _check_signature(
     f: Callable[..., Any], time: float, start: tuple[float, ...], parameters: tuple[float, ...]
 ) -> None:
+    """ValueError unless the function takes (t, y, *parameters), and calls its second argument neither t nor time."""
     signature = inspect.signature(f)
     try:
         signature.bind(time, start, *parameters)
@@ -336,6 +343,7 @@ def place_of(error: BaseException, *skipped: str) -> str:
 
 
 def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
+    """A sequence's numbers as floats; ValueError unless all are real and finite."""
     numbers = None
     with suppress(TypeError, ValueError):
         array = np.asarray(values)

@@ -57,8 +57,8 @@ _ADVICE = (
 )
 
 
-# Characters that a message shows of the expression that cannot be recorded, and of the user's line: with
-# its other words it fits in two lines of a terminal, an estimate.
+# Characters that a message shows of the expression that cannot be recorded, and of the user's line.
+# Estimates: they decide how long a message may get.
 _MAX_EXPRESSION_SHOWN = 60
 _MAX_LINE_SHOWN = 100
 
@@ -66,12 +66,12 @@ _MAX_LINE_SHOWN = 100
 class UntraceableError(Exception):
     """A function does what cannot be recorded.
 
-    The message has its own words for it, and its line.
+    The message quotes the expression and its line, where they are known.
     """
 
 
 class _NeedsNumbersError(TypeError):
-    """A recorded number was used as a plain one; the words say what the function did with it."""
+    """A function, or its rates, cannot be recorded; `record` makes an UntraceableError of it."""
 
 
 class Recording:
@@ -82,7 +82,7 @@ class Recording:
     nodes : tuple of Node
         In the order of their computation.
     results : tuple of int
-        The nodes that are the rates.
+        Indices of the nodes that are the rates.
     """
 
     def __init__(self, nodes: tuple[Node, ...], results: tuple[int, ...]) -> None:
@@ -122,7 +122,7 @@ class Recording:
         return any(node[0] == "where_positive" for node in self.nodes)
 
     def evaluate(self, ops: Operations, y: Sequence[Any], p: Sequence[Any], t: Any) -> list[Any]:
-        """The rates over another kind of number."""
+        """The rates, as a list, over the kind of number that y, p and t are of."""
         inputs = {"y": lambda i: y[i], "p": lambda i: p[i], "t": lambda: t, "constant": float}
         functions = {name: getattr(ops, name) for name in (*_COMMON, "where_positive")}
         functions |= _ARITHMETIC
@@ -152,7 +152,7 @@ class _Recorder:
         return Recorded(self.nodes.setdefault(node, len(self.nodes)))
 
     def index(self, x: Any) -> int:
-        """The node of a number or of a constant."""
+        """Index of the node of a number or of a constant."""
         if isinstance(x, Recorded):
             return x.index
         value = _as_float(x)
@@ -244,7 +244,7 @@ def _either_side(name: str) -> tuple[Callable[[Any, Any], Any], Callable[[Any, A
     )
 
 
-# Names that NumPy has for operations of other names.
+# NumPy's names of operations; others have the same name here as in NumPy.
 _NUMPY_NAMES = NUMPY_NAMES | {
     "add": "add",
     "sub": "subtract",
@@ -256,9 +256,10 @@ _NUMPY_NAMES = NUMPY_NAMES | {
 
 
 class _Protocols:
-    """NumPy's protocols, of a number as of an array of them."""
+    """NumPy's protocols of a number or a condition; `RecordedArray` has its own."""
 
-    # Arrays on the left, of priority 0, leave their operators to a number on the right of any higher one.
+    # The older protocol for operators with an array on the left, of priority 0: any higher one does.
+    # NumPy asks for it only where there is no `__array_ufunc__`.
     __array_priority__ = 1000.0
     __hash__ = None  # pyright: ignore[reportAssignmentType]
 
@@ -450,7 +451,7 @@ def _zero_or_nan(x: Any) -> Any:
 
 
 def _cbrt(x: Any) -> Any:
-    # A power has no negative base.
+    # A power with a fractional exponent has no negative base.
     root = _apply("pow", _absolute(x), 1 / 3)
     return _where_positive(x, root, _apply("neg", root))
 
@@ -535,7 +536,7 @@ def _is_array(x: Any) -> bool:
 
 
 def _plain(x: Any) -> Any:
-    """An array or a number as an array of objects, without protocols."""
+    """Anything as an array without protocols; of recorded numbers it is one of objects."""
     if isinstance(x, RecordedArray):
         return x.view(np.ndarray)
     if isinstance(x, Recorded | Condition):
@@ -546,7 +547,7 @@ def _plain(x: Any) -> Any:
 
 
 def _wrapped(result: Any) -> Any:
-    """An array with protocols; a number alone as itself."""
+    """An array of objects with protocols, another one as it is; a number alone as itself."""
     if not isinstance(result, np.ndarray):
         return result
     if result.ndim == 0:
@@ -591,7 +592,7 @@ def _applied(ufunc: Any, method: str, inputs: tuple[Any, ...], options: dict[str
         raise _recorder().fail("cannot be compiled")
     if method == "__call__" and not any(_is_array(x) for x in inputs):
         return function(*(_wrapped(_plain(x)) for x in inputs))
-    # NumPy takes the function over arrays of objects, and knows all of the methods itself.
+    # NumPy itself applies the function to arrays of objects, by any of its methods.
     of_objects = np.frompyfunc(function, ufunc.nin, 1)
     return getattr(of_objects, method)(*(_plain(x) for x in inputs), **options)
 
@@ -606,7 +607,7 @@ def _matmul(left: Any, right: Any) -> Any:
 
 
 def _product(left: Any, right: Any) -> Any:
-    """`np.dot` of arrays of any dimensions, without terms of zeros in a matrix of numbers."""
+    """`np.dot` of arrays of any dimensions; `_combined` for a matrix of plain numbers and a vector."""
     left = _plain(left)
     right = _plain(right)
     if left.ndim == 2 and right.ndim == 1 and left.dtype != object:
@@ -617,7 +618,7 @@ def _product(left: Any, right: Any) -> Any:
 
 
 def _combined(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """A matrix of plain numbers times a vector, whose terms are added from the left."""
+    """A matrix of plain numbers times a vector: terms are added from the left, those of zeros left out."""
     if matrix.shape[1] != len(vector):
         raise ValueError(f"matmul: got shapes {matrix.shape} and {vector.shape}")
     rows = np.empty(len(matrix), dtype=object)
@@ -648,7 +649,7 @@ def _where_arrays(condition: Any, *choices: Any) -> Any:
 
 
 def _clip(x: Any, low: Any = None, high: Any = None, **named: Any) -> Any:
-    """`np.clip`; its bounds have two names each."""
+    """`np.clip`, its bounds by their places or as `min` and `max`."""
     low = named.pop("min", low)
     high = named.pop("max", high)
     if any(value is not None for value in named.values()):
@@ -666,7 +667,7 @@ def _extreme(ufunc: Any) -> Callable[..., Any]:
     return of_array
 
 
-# NumPy's functions that need the numbers themselves; `_array_function` calls all others as they are.
+# NumPy's functions that are replaced here; `_array_function` calls all others as they are.
 _ARRAY_FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.where: _where_arrays,
     np.clip: _clip,
@@ -696,7 +697,7 @@ def _array_function(function: Any, args: Any, named: Any) -> Any:
 
 
 def _protocolled(x: Any) -> Any:
-    """Numbers among the arguments of a function as arrays of no dimension."""
+    """Recorded numbers among a function's arguments as arrays of no dimension, sequences of them as arrays."""
     if isinstance(x, Recorded | Condition):
         return _plain(x).view(RecordedArray)
     if isinstance(x, tuple | list) and any(isinstance(entry, Recorded | Condition) for entry in x):
@@ -723,7 +724,8 @@ def numbers_of(rates: Any) -> list[Any]:
 def record(function: Callable[..., Any], dimension: int, parameters: int) -> Recording:
     """Record ``function(t, y, *p)``.
 
-    An UntraceableError says, in one line, what cannot be recorded, and where.
+    `dimension` counts the components of y, `parameters` the numbers in p. An UntraceableError says, in
+    one line, what cannot be recorded, and where if that is known.
     """
     # A function may record another one.
     before = getattr(_current, "recorder", None)
@@ -743,6 +745,7 @@ def record(function: Callable[..., Any], dimension: int, parameters: int) -> Rec
     finally:
         _current.recorder = before
     if recorder.failure:
+        # The function caught the error.
         name = getattr(function, "__name__", "f")
         raise UntraceableError(f"{name} {recorder.failure}; use {_ADVICE}")
     return recording
@@ -780,7 +783,8 @@ _OURS = (__file__, os.path.join(os.path.dirname(__file__), "own_function.py"))
 def line_of(error: BaseException, *skipped: str) -> FrameSummary | None:
     """The last line of a user's code on the way to an error.
 
-    Lines of installed libraries and of the files skipped do not count.
+    Lines of this package's two modules (`_OURS`) and of the files skipped do not count. A library's line
+    is given where there is no other, and None where there is none at all.
     """
     lines = [
         line

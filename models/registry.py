@@ -38,7 +38,7 @@ def near(word: str, names: Iterable[str]) -> str | None:
 
 
 class Question(UserWarning):
-    """A warning of something that is legal, and surely not meant."""
+    """A warning of something that is legal, but looks like a mistake."""
 
 
 class NotFoundError(ValueError):
@@ -75,7 +75,8 @@ class Catalogue(dict[str, str], Generic[T]):
     def find(self, name: str | T) -> T:
         """The instance of a catalogue name, or of a "module:class" outside, or the object that is one already.
 
-        A NotFoundError says that there is none, or what its class lacks of the contract.
+        A NotFoundError says that there is none, or what its class lacks of the contract. Errors of
+        importing a catalogue entry are raised as they are.
         """
         if not isinstance(name, str):
             if type(name) not in self._checked:

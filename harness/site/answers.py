@@ -52,7 +52,7 @@ _ERRORS = tuple(
 )
 # Letters beyond which a name in a cell of the map may be broken at its hyphens; chosen by eye.
 _LONG = 12
-# Decimals of a method's relative spread: ties between methods begin at 15 % (`TIE`).
+# Decimals of a method's relative spread: it is compared with a tie (`pareto.TIE`), which has as many.
 _SPREAD_DECIMALS = 2
 
 _COSTS = "Cost against accuracy"
@@ -148,7 +148,7 @@ def _span(runs: pd.DataFrame) -> str:
 
 
 def _methods(runs: pd.DataFrame, error: str) -> list[dict[str, Any]]:
-    """The methods that are the first or the second at some error, and those on an averaged form's Pareto front.
+    """The methods that are the fastest, or the next of another label, at some error; an averaged form's Pareto front.
 
     No answer needs another method: it names the fastest, the next one of another label, and averaged forms.
     Each has its runs under "points".
@@ -314,8 +314,8 @@ def read_studies(
 ) -> tuple[dict[str, pd.DataFrame], list[str]]:
     """Runs of each study in the folder of reports, and the files that cannot be read, with the reasons.
 
-    A study has the name of its folder; where that holds several files, the file's name follows after "/".
-    Frames have `columns` alone, and the columns that every frame needs.
+    A study has the name of its folder. The name of a file other than `records` or `runs` follows after "/".
+    Frames of exported records have `columns` alone, and the columns that every frame needs.
     """
     studies = {}
     unreadable = []

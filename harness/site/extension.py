@@ -118,8 +118,8 @@ def _shorten_navigation(_: Sphinx, __: str, ___: str, context: dict[str, Any], _
     tree = BeautifulSoup(context["furo_navigation_tree"], "html.parser")
     for caption in tree.select("p.caption"):
         caption["aria-level"] = "2"
-    # Without them an item has no button to unfold, and the class of items that have none. All items with
-    # pages below them are of level 1: the navigation has two levels.
+    # An item that is not shown loses the button that unfolds it and its list, and gets the class of items
+    # without pages below. All items with pages below are of level 1: the navigation has two levels.
     for item in tree.select("li.has-children:not(.current)"):
         for part in item.find_all(["input", "label", "ul"], recursive=False):
             part.decompose()

@@ -71,10 +71,11 @@ def motion(scene: Scene) -> dict[str, Any]:
     of the drawn axis, 0 to 2, and `symmetry` the index of the symmetry axis, None for a triaxial body. `semi` has the
     semi-axes over the longest one. `axis` and `L` are the directions of the drawn axis and of L, three numbers a
     sample. `rows` has the body's first two axes, six numbers a sample, of a triaxial body. `plane` has L_z and E
-    over I_max, and `averaged` the same by the averaged equations. `circle` says that the axis goes round L on a
-    circle without torque; a triaxial body has `paths` instead. `parabolas` are factors f of E = f L_z²/2, in
-    these units: the least and the largest energy of a body with L along z. `says` describes the motion in
-    words, and `how` tells form, solver and tolerance.
+    over I_max, and `averaged` the same by the averaged equations, an empty list without these. `circle` says
+    that the axis goes round L on a circle without torque; a triaxial body has `paths` instead. `parabolas` are
+    factors f of E = f L_z²/2, in these units: the least and the largest energy of a body with L along z.
+    `samples` is the number of samples and `stokes` St. `says` describes the motion in words, and `how` tells
+    form, solver and tolerance.
     """
     if scene.ellipsoid.kind == "sphere":
         return {"why": "a sphere has no axis"}

@@ -98,7 +98,8 @@ class Case:
     def problem(self) -> Problem:
         """The scene's initial value problem in the case's form, with the least number of steps of a right run.
 
-        Methods that average over rotations, or step over many periods, have no such number.
+        Methods that average over rotations, or step over many periods, have no such number, nor has a
+        run below `_OSCILLATORY_FROM`.
         """
         form = find_form(self.form)
         problem = form.problem(self.scene)
@@ -131,7 +132,7 @@ class Case:
 def attempt(case: Case) -> tuple[Record, np.ndarray]:
     """Compile, and run once: the record so far, and the states, shape (n, d), of the n samples reached.
 
-    The record of a run that other work cut short is "disturbed".
+    A run that other work cut short is repeated (`within`); if that does not help, its record is "disturbed".
     """
     prepare_seconds = prepared(case)
     solution, disturbed = within(
@@ -163,6 +164,9 @@ def judge(case: Case, record: Record, states: np.ndarray) -> Record:
     compares the distributions over the whole run. `worst_time` is the time of the largest error of L
     and E. `certified_pieces` counts the segments by which the reference was confirmed, and `errors`
     has all fields of `Errors`. A failed run has `slow_error_so_far` alone.
+
+    Without a reference of the full equations the record gains no more than the reason, `reference_failed`.
+    Without one of an averaged form it has that reason besides, and no `solver_*` and `model_*`.
     """
     form = find_form(case.form)
     ellipsoid = case.scene.ellipsoid

@@ -125,7 +125,7 @@ def first_run(problem: Problem, solver: str, tolerance: float, cache_folder: str
 def first_runs(
     problem: Problem, solvers: Sequence[str], quiet: bool = True
 ) -> dict[str, tuple[FirstRun, FirstRun]]:
-    """Cold and warm first run of each solver whose run succeeds, every one in a fresh process."""
+    """Cold and warm first run of each solver, in fresh processes; without the solvers of which `_fresh` gives None."""
     runs = {}
     for name in in_steps(solvers, "first runs", "solvers", quiet):
         with TemporaryDirectory() as folder:
@@ -137,7 +137,7 @@ def first_runs(
 
 
 def _fresh(problem: Problem, solver: str, folder: str) -> FirstRun | None:
-    """A first run in a process of its own; None if it fails."""
+    """A first run in a process of its own; None if it raises, or its process dies or is killed."""
     with Worker() as worker:
         return worker.run(first_run, problem, solver, _TOLERANCE, folder, limit=_LIMIT).value
 
@@ -166,12 +166,12 @@ class Overhead:
 
     @property
     def allowed(self) -> bool:
-        """Whether that is at most 5 % of the bare call, or 50 µs if that is more."""
+        """Whether that is no more than the goal (`_ALLOWED_SHARE`, `_ALLOWED_SECONDS`)."""
         return self.seconds <= max(_ALLOWED_SHARE * self.bare, _ALLOWED_SECONDS)
 
 
 def paper_problem() -> Problem:
-    """The paper's ellipsoid at St = 1e3, 500 units of time, quaternion form."""
+    """The built-in scene `paper` in the quaternion form."""
     return find_form("quaternion").problem(named_scene("paper"))
 
 

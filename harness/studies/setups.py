@@ -142,7 +142,10 @@ def _check_arguments(function: Callable[..., Any], options: Mapping[str, Any]) -
 
 
 def rates_of(problem: Problem) -> Rates:
-    """The right-hand side ``f(t, y)`` in plain Python, of the user's own time and components."""
+    """The right-hand side ``f(t, y)`` in plain Python, of the user's own time and components.
+
+    Not for a scene along a track, whose parameters change on the way (`Problem.parameter_table`).
+    """
     parameters = problem.field_parameters
     if isinstance(problem.field, OwnField):
         function = problem.field.function

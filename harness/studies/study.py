@@ -1,7 +1,7 @@
 """A study: scenes × forms × solvers × tolerances, as data, and the file in TOML that describes it.
 
 `StudyTable` is the file as pydantic checks it, `Study` what is made of it. `Study.batches` gives its cases
-(`polhode.harness.studies.case`), `polhode.harness.studies.runner` runs them.
+(`polhode.harness.studies.case`), and `polhode.harness.studies.runner` runs them.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -26,8 +26,8 @@ from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian
 
-# Rows of a run that is compared with a reference: at most, and by default. Estimates: a reference of more takes
-# much memory, of fewer it may miss the largest error.
+# Rows of a run that is compared with a reference: at most, and by default. Estimates: more rows take much
+# memory, between fewer ones the largest error may be missed.
 _MAX_SAMPLES = 100_000
 _SAMPLES = 501
 # Time limit of a run, in seconds: by default, and at most in a quick study. Estimates: slower runs are told
@@ -64,7 +64,7 @@ class Choice(BaseModel):
 class Study:
     """Every solver, by each back end and Jacobian named, on every form of every scene, from loose to tight."""
 
-    name: str  # of the file, and by default of the folder of its results
+    name: str  # the key in the file; by default the folder of its results has this name
     title: str  # heading of its page
     scenes: tuple[tuple[str, Scene], ...]  # with their names, of which several St share one
     forms: tuple[str, ...]
@@ -250,7 +250,7 @@ class StudySceneTable(Choice):
 
 
 class StudyTable(BaseModel):
-    """A study file; its name is the name of the folder of its results."""
+    """A study file; by default the folder of its results has its `name`."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
     name: Name
@@ -345,7 +345,7 @@ def parse_study(contents: dict[str, Any], folder: Path = Path()) -> Study:
     for scene_entry in table.scenes:
         for stokes in scene_entry.stokes:
             settings["choices"][scene_entry.name, stokes] = scene_entry
-    # Which is the cheapest makes sense for one scene; several ask who gets through.
+    # By default a study of one scene asks for the cheapest run, one of several who gets through.
     settings["page"] = table.page or (
         "costs" if len({scene.name for scene in table.scenes}) == 1 else "outcomes"
     )

@@ -13,7 +13,7 @@ TRACK_COLUMNS = ["t", *(f"A{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))]
 
 
 def read_track(path: Path) -> Flow:
-    """The flow of a file with the columns t, A11, A12, … A33; what is wrong is said in one line, with its line.
+    """The flow of a file with the columns t, A11, A12, … A33; what is wrong is said in one line.
 
     Raises
     ------

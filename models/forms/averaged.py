@@ -13,8 +13,8 @@ from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
 
-# Six steps of the arithmetic-geometric mean, the first aside, leave 1e-22 at 1 - m = 1e-20, hardly
-# above 0 in long double, and less elsewhere.
+# Steps of the arithmetic-geometric mean besides the first. Six leave an error of 1e-22 at 1 - m = 1e-20,
+# below a rounding of long double, and a smaller error at any smaller m.
 _AGM_STEPS = 6
 # Starts whose energy is nearer than this share to L² = 2EI₂ are moved so far off it: on it the sum of
 # `mean_squares` does not converge. An estimate, far above rounding: a run leaves so narrow a layer at once.
@@ -127,7 +127,7 @@ def coefficients(ellipsoid: Ellipsoid) -> tuple[float, ...]:
 
 
 def range_excess(states: np.ndarray, least: float) -> np.ndarray:
-    """How far L²/2E of states, shape (n, 4), in units of I_max, lies outside `least` … 1, over their largest energy."""
+    """How far L² of states, shape (n, 4), in units of I_max, lies outside `least` 2E … 2E, over the largest 2E."""
     lx, ly, lz, energy = states.T
     momentum2 = lx * lx + ly * ly + lz * lz
     energy2 = 2 * energy
@@ -151,7 +151,7 @@ class Averaged(Form):
     averaged = True
 
     def check(self, scene: Scene) -> None:
-        """Refuse equal axes, St = 0 and inf, L = 0, and rotation about the middle axis, where nothing is averaged."""
+        """Refuse other flows than shear, equal axes, St = 0 and inf, L = 0, and rotation about the middle axis."""
         self.require_slow_motion(scene)
         if scene.ellipsoid.kind != "triaxial":
             axes = [*map(float, scene.ellipsoid.semi_axes)]

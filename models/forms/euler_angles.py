@@ -23,8 +23,8 @@ from polhode.models.rotation import (
 )
 from polhode.models.scene import EulerStart, Scene
 
-# Least |sin θ|. A passage at this distance costs some 1e-10 rad (median of random tops), at worst some 1e-9,
-# whatever the tolerance. A larger limit would end more runs, a smaller one lose more digits.
+# Least |sin θ|. `EulerAngles` says what a passage at a distance costs, whatever the tolerance. A larger limit
+# would end more runs, a smaller one lose more digits.
 POLE_LIMIT = 1e-5
 IN_WORDS = np.format_float_scientific(POLE_LIMIT, exp_digits=1, trim="-")
 

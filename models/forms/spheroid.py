@@ -57,7 +57,7 @@ def axis_drift(states: np.ndarray, first: int = 3) -> np.ndarray:
 
 
 def axis_rotation(axis: int, direction: np.ndarray) -> np.ndarray:
-    """Matrices t_ij, shape (n, 3, 3), that know row `axis` alone, from directions, shape (n, 3)."""
+    """Matrices t_ij, shape (n, 3, 3): row `axis` has the directions, shape (n, 3), the other rows NaN."""
     rotation = np.full((len(direction), 3, 3), np.nan, dtype=direction.dtype)
     rotation[:, axis] = direction
     return rotation

@@ -175,8 +175,7 @@ def rotation(ops: Operations) -> Field:
         py = y[4]
         pz = y[5]
         time = c[0]
-        # l of the comment above, and x = θ², in the order and in pairs that a processor computes side
-        # by side.
+        # The components of l, and x = θ².
         kx = time * lx
         ky = time * ly
         kz = time * lz
@@ -256,7 +255,6 @@ def relaxation(ops: Operations) -> Callable[..., tuple[Any, ...]]:
         flow_less_strain = c[5]
         flow_and_strain = c[6]
         at = y if before is None else before
-        # The last factor, p_z, is multiplied and added in one instruction.
         axial = across_less_along * (lx * at[3] + ly * at[4] + lz * at[5])
         return (
             (gx - across * lx) + (flow_less_strain * pz + axial) * px,
@@ -375,7 +373,7 @@ def relaxation_rate(p: Sequence[float]) -> float:
 def forgetting_rate(p: Sequence[float]) -> float:
     """The rate, in shear rates, at which L_y decays beside L_z (`lxsmain`–`nsmain`) once the motion has settled.
 
-    It is the rate of a rod that tumbles, κ → ∞, or of a disc that spins, κ → 0.
+    It is the rate of a rod that tumbles, κ → ∞, or of a disc that spins, κ → 0; an estimate in between.
     """
     beta = p[1]
     damping = p[2]

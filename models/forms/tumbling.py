@@ -15,7 +15,8 @@ from polhode.models.rotation import matrix_from_euler
 from polhode.models.scene import Scene
 
 # Rounding of a start that is meant to be planar, such as cos(π/2) = 6e-17, stays below; a larger
-# component is taken for meant. It bounds components of the body's axes, and of ω in shear rates.
+# component is taken for meant. An estimate. It bounds components of the body's axes, and those of ω across
+# the vorticity: in shear rates, or over |φ̇| if that is above 1.
 _PLANAR = 1e-14
 
 
@@ -52,8 +53,8 @@ class Plane:
 class Tumbling(Form):
     """State (φ, φ̇): the in-plane angle of a principal axis.
 
-    A spheroid may have its symmetry axis along the vorticity or in the plane; any other axis in the
-    plane is then a principal axis too. Small deviations from the plane may grow in reality; this
+    A spheroid may have its symmetry axis along the vorticity or in the plane: any axis across it is a
+    principal axis. Small deviations from the plane may grow in reality; this
     form keeps to the plane.
     """
 

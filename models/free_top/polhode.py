@@ -132,7 +132,7 @@ def exactly(numbers: Triple | Rationals) -> tuple[Fraction, ...]:
 
 
 def mean_speed(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:
-    """Mean of |ω| over the torque-free motion, shape (n,), at (L_x, L_y, L_z, E), shape (n, 4)."""
+    """Mean of |ω| over the torque-free motion, in shear rates, shape (n,), at (L_x, L_y, L_z, E), shape (n, 4)."""
     # By quadrature over a quarter of the polhode (`eq:omg1`–`eq:omg3`), within about 1e-6 relative,
     # less on the separatrix itself.
     with IMPORTS:

@@ -39,7 +39,7 @@ class Hybrid(Form):
     orientation = "full"
 
     def check(self, scene: Scene) -> None:
-        """Refuse spheres, St = 0 and inf, starts without orientation, and times without end."""
+        """Refuse other flows than shear, spheres, St = 0 and inf, starts without orientation, too long times."""
         # `require_slow_motion` asks for shear too. Here another flow is refused before a sphere is.
         self.require_flow(scene)
         if scene.ellipsoid.kind == "sphere":

@@ -35,7 +35,8 @@ ERROR_PER_TOLERANCE = 100.0
 # much (`outline`).
 FULL_SHARE = 0.5
 # Error of L and E over the tolerance of the full equations, per radian that a body turns with
-# |L||ω| below I_max, by trial. Solvers that err by more are run at tighter tolerances.
+# |L||ω| below I_max, by trial. Solvers that err by more are run at tighter tolerances
+# (`Solver.error_amplification`).
 PER_RADIAN = 2e-2
 # Tolerance of averaged segments, far below any error that is asked for: they cost next to nothing.
 _AVERAGED_TOLERANCE = 1e-12
@@ -67,7 +68,7 @@ def foreseen(scene: Scene, error: float) -> tuple[PlannedSegment, ...]:
 
 
 def error_growth(scene: Scene) -> float:
-    """`Path.error_growth` where a scene starts: in shear rates, of an error by angle, or by a fast body's energy."""
+    """Growth rate of a solver's error where a scene starts, in shear rates, as `Path.error_growth` along a path."""
     size = float(np.linalg.norm(scene.initial.angular_momentum)) / max(scene.ellipsoid.inertia)
     return speed(scene) * max(1.0, size * speed(scene))
 
@@ -165,7 +166,7 @@ class HybridPlan:
     def _until_averaged(
         self, planned: PlannedSegment, time: float, state: Array, tolerance: float, reason: str
     ) -> Segment:
-        """Some turns of the full equations, as no slow state belongs to this one."""
+        """`_MORE` turns by the full equations, for no slow state belongs to this state; `reason` says why."""
         stokes = self.scene.stokes
         remaining = self.remaining(time, state)
         more = 2 * np.pi * _MORE / speed(remaining)
@@ -197,10 +198,10 @@ class HybridPlan:
 def full_tolerance(
     ahead: Sequence[PlannedSegment], stokes: float, tolerance: float, spent_full: float
 ) -> tuple[float, float]:
-    """Tolerance of the full equations in the first segment ahead, and its share of the error.
+    """Tolerance of the full equations in the first segment ahead, and the error of L and E expected of it.
 
     Segments of the full equations share their error by how long they last, which costs least;
-    those before have taken `spent_full` of it.
+    those before have taken `spent_full` of it. `tolerance` is that of the whole run.
     """
     first = ahead[0]
     error = FULL_SHARE * ERROR_PER_TOLERANCE * tolerance

@@ -11,7 +11,7 @@ from polhode.models.registry import imported, plug_ins
 
 
 def _problems(table: dict[str, Any]) -> dict[str, Classical]:
-    """The problems of a table of theirs, whose sources the others name in braces."""
+    """The problems of the contents of `problems.toml`, by name; `sources` has what they name in braces."""
     sources = table.pop("sources")
     return {key: _problem(key, entry, sources) for key, entry in table.items()}
 

@@ -22,7 +22,8 @@ class Classical:
     hopeless : tuple of str
         Solvers that would take minutes, and prove nothing.
     atol_per_rtol : float
-        Absolute tolerance over the relative one, as those who published the problem chose it.
+        Absolute tolerance over the relative one, 1 unless published runs of the problem have another
+        ratio (`problems.toml` says whose).
     """
 
     problem: Problem
