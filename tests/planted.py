@@ -138,7 +138,7 @@ class Midpoint(Solver):
 
 
 class Sleeper(Taylor):
-    """Sleeps before it works: long when it is first prepared, briefly in every run."""
+    """Sleeps before it works: long when the compiling run is prepared, briefly in every run."""
 
     name = "planted:Sleeper"
 

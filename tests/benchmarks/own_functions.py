@@ -1,6 +1,7 @@
 """What `solve_ivp` costs beside the libraries' own calls: sizes, plain Python, events. Prints one line for each.
 
-``python tests/benchmarks/own_functions.py``; exit code 1 if a ratio is above its bound.
+``python tests/benchmarks/own_functions.py [sizes] [plain] [events]``; exit code 1 if a ratio or a first call is
+above its bound.
 """
 
 import sys
@@ -28,13 +29,15 @@ REPEATS = 7
 SHORT_SECONDS = 0.2
 # A run of the library shorter than this, in seconds, is mostly what surrounds it: no ratio is required.
 SHORT = 1e-3
+# Relative and absolute: a usual one.
 TOLERANCE = 1e-6
 HOW = {"rtol": TOLERANCE, "atol": TOLERANCE}
 # Sizes of the problems: a small one, and one whose full Jacobian would take 800 MB.
 SIZES = (400, 10_000)
 # Rows of their solutions.
 SAMPLES = 11
-# Passages through zero of the oscillator, one in each half period.
+# Passages through zero of the oscillator, one in each half period. An estimate: so many that the run is no
+# short one.
 PASSAGES = 1266
 
 

@@ -14,6 +14,7 @@ from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.compile import frozen
 from polhode.solvers.solve import solve
 
+# Relative: a usual one.
 TOLERANCE = 1e-6
 # Runs of which the fastest counts, as `WorkPrecision` takes it; more than its five, so that the time to be
 # compared with is the surer one.

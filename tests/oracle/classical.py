@@ -1,9 +1,9 @@
-"""Classical problems with published solutions, as tests of solvers use them: the two with parts of their own aside."""
+"""Classical problems with published solutions, as tests of solvers use them."""
 
 from polhode.models.problems.catalogue import PROBLEMS
 from polhode.models.problems.classical import Classical
 
-# The one with an algebraic equation, which few solvers take.
+# The one with an algebraic equation, which few solvers take, stands aside.
 ROBERTSON_DAE = PROBLEMS["robertson-dae"]
 CLASSICAL = {name: problem for name, problem in PROBLEMS.items() if problem is not ROBERTSON_DAE}
 

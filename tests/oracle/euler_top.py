@@ -29,7 +29,7 @@ def integrator():
 
 
 def integrate(inertia, quaternion, omega, times):
-    """Quaternions, shape (n, 4), and ω, shape (n, 3), in long double at increasing positive times."""
+    """Quaternions, shape (n, 4), and ω in body axes, shape (n, 3), in long double at increasing positive times."""
     taylor = integrator()
     taylor.time = Long(0)
     taylor.pars[:] = np.array(inertia, dtype=Long)
@@ -46,7 +46,7 @@ def unit(quaternions):
 
 
 def geodesic(left, right):
-    """Angle between orientations; through the chord, as an arccosine would lose half the digits."""
+    """Angle in rad between orientations; through the chord, as an arccosine would lose half the digits."""
     left, right = unit(left), unit(right)
     chord = np.minimum(np.linalg.norm(left - right, axis=-1), np.linalg.norm(left + right, axis=-1))
     return 4 * np.arcsin(chord / 2)
@@ -67,7 +67,10 @@ def matrix(quaternion):
 
 
 def textbook(inertia, quaternion, omega, times):
-    """Orientation matrices (body to space) and ω, by Euler angles about L and Legendre's integral of the third kind."""
+    """Orientation matrix (body to space) and ω at each time, by Euler angles about L and Legendre's third integral.
+
+    Axes are renamed, so that the third is the one that the polhode encircles, with ω₃ > 0. Precision is mpmath's.
+    """
     inertia, omega = list(map(precise, inertia)), list(map(precise, omega))
     momentum_squared = sum((i * w) ** 2 for i, w in zip(inertia, omega, strict=True))
     energy = sum(i * w**2 for i, w in zip(inertia, omega, strict=True)) / 2
@@ -133,7 +136,7 @@ def about_x(angle):
 
 
 def small_angle(matrix):
-    """Angle of a rotation matrix close to one."""
+    """Angle in rad of a rotation matrix close to the identity."""
     return float(
         mp.norm(
             mp.matrix(

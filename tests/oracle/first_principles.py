@@ -7,7 +7,7 @@ rotations, and quadrature along the polhode.
 
 Conventions: flow u = y x̂, time in inverse shear rates, slow time t₂ = t/St; row i of a rotation
 matrix is body axis i in space components; L is in space axes; the semi-axes (a, b, c) belong to the
-body axes (x', y', z'), in any order.
+body axes (x', y', z'), in any order. Names such as `ultima` are labels of the paper's equations.
 """
 
 from functools import cache
@@ -42,7 +42,11 @@ def body(semi_axes, length=None):
 
 
 def unit_sphere(order=120):
-    """Nodes (n, 3) and weights (n,) of the product rule (Gauss–Legendre times trapezoid) on the unit sphere."""
+    """Nodes (n, 3) and weights (n,) of the product rule (Gauss–Legendre times trapezoid) on the unit sphere.
+
+    n is twice the square of the order. The default order is an estimate, for bodies of moderate aspect ratios; the
+    tests that compare with it show that it serves.
+    """
     cosine, weight = np.polynomial.legendre.leggauss(order)
     azimuth = np.arange(2 * order) * np.pi / order
     sine = np.sqrt(1 - cosine**2)
@@ -59,6 +63,7 @@ def unit_sphere(order=120):
 
 def inertia(axes):
     """Moments ∫ (y² + z²) dV and cyclic of the solid ellipsoid of unit density."""
+    # Exact: the integrand is of degree 2, and order 8 serves up to degree 15.
     nodes, weights = unit_sphere(8)
     second = np.prod(axes) * axes**2 * (weights @ nodes**2) / 5
     return second.sum() - second
@@ -157,6 +162,7 @@ def rotation_from_euler(theta, phi, psi):
 
 def body_rates(angles, rates):
     """Angular velocity in body axes from the derivative of the rotation matrix along (θ, φ, ψ) with the given rates."""
+    # A complex step: nothing is subtracted, so that any step far below rounding does.
     step = 1e-30
     moved = rotation_from_euler(*(np.asarray(angles) + 1j * step * np.asarray(rates)))
     spin = (moved.imag / step) @ moved.real.T
@@ -182,7 +188,8 @@ def integrate(shape, stokes, angles, rates, times, tolerance=1e-11):
     """Solve `ultima` and return the rotation matrices (n, 3, 3) and body-axis angular velocities (n, 3) at `times`.
 
     The state is the rotation matrix and L in space axes: d t_ij/dt = −[ω×] t and dL/dt from
-    `slow_rates`.
+    `slow_rates`. `tolerance` is relative, of a step; a hundredth of it is the absolute one. The
+    default is an estimate, near the least of double precision.
     """
     start = rotation_from_euler(*angles)
     omega = body_rates(angles, rates)
@@ -221,7 +228,10 @@ class Polhode(NamedTuple):
 
 
 def enclosed_axis(moments, momentum, energy):
-    """Index of the principal axis that the polhode encircles (the odd one for a spheroid)."""
+    """Index of the principal axis that the polhode encircles (the odd one for a spheroid).
+
+    Moments that agree to 1e-12 count as equal: to rounding.
+    """
     low, middle, high = np.argsort(moments)
     if np.isclose(moments[low], moments[middle], rtol=1e-12):
         return high
@@ -234,7 +244,7 @@ def polhode(moments, momentum, energy, nodes=512):
     """Polhode over the angle about the axis it encloses; the time spent per angle is 1/(rate of the angle).
 
     The rate comes from Euler's equations dm/dt = m × ω; equispaced nodes make every quadrature
-    spectrally accurate.
+    spectrally accurate. The default of `nodes` is an estimate: near the separatrix it takes more.
     """
     i, j, k = CYCLIC[enclosed_axis(moments, momentum, energy)]
     angle = 2 * np.pi * np.arange(nodes) / nodes
@@ -265,7 +275,8 @@ def euler_top_ensemble(moments, momentum, energy, phases=8, nodes=512):
 
     Uniform in time along the polhode and uniform in the precession angle about L. Returns rotations
     (n, 3, 3) in space axes, rotations in L-aligned axes, body rates (n, 3) and weights (n,) that
-    add up to one.
+    add up to one, where n is `phases` times `nodes`. Eight phases are exact for harmonics of the
+    precession angle up to the seventh; rates have some up to the third.
     """
     size = np.linalg.norm(momentum)
     curve = polhode(moments, size, energy, nodes)

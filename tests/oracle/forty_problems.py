@@ -1,6 +1,7 @@
 """Problems on which work-precision studies are held to account: classical ones, and cases from public threads.
 
-A problem without an exact solution is solved by SciPy with small steps, independently of polhode.
+A problem with neither an exact nor a published solution is solved by SciPy at tight tolerances, independently of
+polhode.
 """
 
 from collections.abc import Callable
@@ -16,9 +17,11 @@ from polhode import Problem
 from polhode.models.problems.catalogue import PROBLEMS
 from polhode.models.problems.classical import Classical
 
-# Steps into which SciPy's run is divided at least: it then steps over no pulse, however short.
+# Steps into which SciPy's run is divided at least if the problem is not stiff: it then steps over nothing
+# that is short. An estimate.
 _LEAST_STEPS = 4000
-# Relative tolerances of SciPy's methods, about as tight as they allow, and the absolute one.
+# Relative tolerances of SciPy's methods, of stiff problems and others, about as tight as they allow, and the
+# absolute one.
 _STIFF_RTOL = 1e-11
 _RTOL = 1e-13
 _ATOL = 1e-15
@@ -26,7 +29,10 @@ _ATOL = 1e-15
 
 @dataclass(frozen=True)
 class Known:
-    """A problem, and its solution at the end; None where it has none."""
+    """A problem, and its solution at the end, shape (d,); None where the solution ends before.
+
+    `classical` is the entry of polhode's catalogue, if the problem is one of it.
+    """
 
     problem: Problem
     end: Callable[[], np.ndarray] | None
@@ -130,7 +136,7 @@ def two_rates(t, y):
     return [-1e6 * y[0] + 1e6 * np.cos(t), y[0] - y[1]]
 
 
-# A random matrix whose eigenvalues lie within a distance of about 1 from -1.2: no solution grows.
+# A random matrix whose eigenvalues lie within a distance of about 1 from -1.2: solutions die out in the end.
 _SIZE = 50
 _MATRIX = np.random.default_rng(1).normal(size=(_SIZE, _SIZE)) / np.sqrt(_SIZE) - 1.2 * np.eye(
     _SIZE
@@ -184,11 +190,13 @@ _EIGHT += [0.466203685, 0.43236573, 0.466203685, 0.43236573, -0.93240737, -0.864
 
 
 def _known(f: Any, y0: list[float], end: float, exact: Any = None, stiff: bool = False) -> Known:
+    """A problem with its exact solution at the end, or else with SciPy's."""
     problem = Problem.from_function(f, y0, end)
     return Known(problem, exact or (lambda: _by_scipy(f, y0, end, stiff)))
 
 
 def _without(f: Any, y0: list[float], end: float) -> Known:
+    """A problem whose solution does not reach the end."""
     return Known(Problem.from_function(f, y0, end), None)
 
 

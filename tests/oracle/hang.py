@@ -11,7 +11,7 @@ def sleep_holding_the_lock(seconds: int) -> None:
 
 
 def die_once(mark: Path, number: int) -> str:
-    """Die of a signal, unless the file says that it happened before."""
+    """Die of the signal of that number, unless the file `mark` says that it happened before."""
     if not mark.exists():
         mark.touch()
         os.kill(os.getpid(), number)

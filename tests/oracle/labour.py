@@ -47,7 +47,7 @@ def hold(job: Job) -> None:
 
 
 def spin(job: Job) -> int:
-    """Use the processor for as many seconds."""
+    """Use the processor until as many seconds have passed as the job says."""
     end = time.perf_counter() + job.seconds
     while time.perf_counter() < end:
         pass

@@ -9,7 +9,10 @@ from .first_principles import CYCLIC, body
 
 
 def jacobian(field, state, step=1e-3):
-    """Derivative matrix of `field` at `state` by central differences of eighth order."""
+    """Derivative matrix of `field` at `state` by central differences of eighth order.
+
+    The default of `step` is an estimate: truncation, of its eighth power, is far below rounding, 1e-16 over the step.
+    """
     coefficients = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
     state = np.asarray(state, dtype=float)
     shifts = step * np.eye(len(state))
@@ -25,7 +28,10 @@ def jacobian(field, state, step=1e-3):
 
 
 class Spheroid:
-    """Spheroid with symmetry axis z' and the paper's names for its coefficients."""
+    """Spheroid with symmetry axis z' and the paper's names for its coefficients.
+
+    These are I_e, I_a, Y_c and X_c: moments of inertia and resistances about equatorial axes (e, Y) and the axis.
+    """
 
     def __init__(self, kappa):
         self.kappa = kappa
@@ -34,7 +40,7 @@ class Spheroid:
         _, self.yc, self.xc = self.shape.resistance
 
     def energy(self, momentum, eta):
-        """`EetaL`, shown right by the test of the symmetric top."""
+        """E from L (3,) and the rate η about the axis: `EetaL`, shown right by `test_right_symmetric_top`."""
         return (momentum @ momentum - self.ia * (self.ia - self.ie) * eta**2) / (2 * self.ie)
 
     def slow(self, state):

@@ -35,7 +35,7 @@ SCENES = {
     "no-inertia": Scene(Ellipsoid((1.0, 0.8, 0.5)), 0.0, EulerStart((1.1, 0.4, 0.2)), 40.0),
 }
 SAMPLES = 41  # Times at which a run is compared with its reference.
-# Tolerance of the references in long double, a few times its rounding error; and in double precision, of the
+# Tolerance of the references in long double, some ten times its rounding error; and in double precision, of the
 # form for whose series heyoka needs many seconds at each tolerance. Few steps take that form to its end, so
 # that doubles will do.
 TOLERANCE = 1e-18
@@ -63,7 +63,7 @@ class Run:
 
     @property
     def rotations(self) -> float:
-        """∫|ω|dt / 2π, with half the shear rate without inertia; one for forms that do not follow the rotation."""
+        """∫|ω|dt / 2π, one at least, with half the shear rate without inertia; one for forms without orientation."""
         return 1.0 if form(self.form).orientation == "none" else _rotations(self.scene)
 
     def error(self, states: np.ndarray) -> float:
@@ -78,7 +78,10 @@ class Run:
 
 
 def runs(*, closed: bool = False) -> list[Run]:
-    """Every scene in every form that accepts it and has a vector field; only those with a closed form, if asked."""
+    """Every scene in every form that accepts it, has a vector field and runs in one segment.
+
+    Only those with a closed form, if asked.
+    """
     problems = (
         (Run(scene, name), _problem_or_none(scene, name)) for scene in SCENES for name in FORMS
     )

@@ -6,7 +6,8 @@ import numpy as np
 def assert_misprint(printed, corrected, truth, *, tolerance=1e-11, gap=1e-2):
     """The corrected value agrees with first principles within `tolerance`, the printed one misses them by over `gap`.
 
-    Both are relative to the largest entry of `truth` (or to one, if that is smaller).
+    Both are relative to the largest entry of `truth` (or to one, if that is smaller). The defaults are estimates:
+    rounding and quadratures stay far below the one, misprints that are known far above the other.
     """
     assert_right(corrected, truth, tolerance=tolerance)
     assert deviation(printed, truth) > gap

@@ -1,8 +1,8 @@
 """Torture: `python -m torture --minutes 20 --seed 1`, in the folder `tests`. Exit code 1 and a line for each complaint.
 
-Inputs, flips and kills come from the seed; how many, from the minutes. `--full`: more of each, and
-5,000 runs whose true error is known, in 50 minutes or so. Names of parts, such as `kills`, leave
-out the others.
+Inputs, flips, kills and the like come from the seed; how many, from the minutes. `--full`: more of
+most, and 5,000 runs whose true error is known, in an hour or so. Names of parts, such as
+`kills`, leave out the others.
 """
 
 import argparse
@@ -15,7 +15,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-# Minutes that all parts but the last take with the `USUAL` counts.
+# Minutes that all parts but the last take with the `USUAL` counts, about. Parts that have no count take as
+# long with fewer minutes.
 USUAL_MINUTES = 20.0
 
 
@@ -48,7 +49,7 @@ PARTS = (
 )
 # Rounds of threads, each in a process of its own, of one or two minutes.
 ROUNDS = 5
-# Solves, and runs of functions of one's own, in one process.
+# Solves, and runs of functions of one's own, in one process: so many that leaks of a few kB show (`memory`).
 SOLVES = 20_000
 FUNCTIONS = 5_000
 SUCCESSES = ("-m", "torture.successes", "--runs", "5000")
@@ -64,7 +65,10 @@ def main() -> None:
     """Run the parts, and print a line for each with its complaints; exit code 1 if there are any."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "--minutes", type=float, default=USUAL_MINUTES, help="at most; the counts shrink with it"
+        "--minutes",
+        type=float,
+        default=USUAL_MINUTES,
+        help=f"below {USUAL_MINUTES:g} the counts shrink with it",
     )
     parser.add_argument("--full", action="store_true")
     parser.add_argument("--seed", type=int, default=1)

@@ -1,4 +1,4 @@
-"""Bit flips in every kind of file that polhode reads again: what comes back is what was written, or a complaint."""
+"""Bit flips in every kind of file that polhode reads again: what is read is what was written, or nothing."""
 
 import sqlite3
 import tempfile
@@ -18,7 +18,7 @@ from polhode.harness.common.store import Store, export, read_export, read_table,
 from polhode.models.files import cached
 from polhode.solvers.machine_code import cached_code
 
-# What reading a damaged file may raise.
+# What reading a damaged file may raise; then nothing is read.
 REFUSALS = (ValueError, OSError)
 
 

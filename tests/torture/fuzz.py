@@ -36,8 +36,8 @@ snapshots = 3
 bins = 8
 start.motion = "fluid"
 """
-# What stands for a number in a file or on a command line: numbers out of range or hard to read, and
-# things that are no numbers.
+# What stands for a number in a file or on a command line: usual numbers, numbers out of range or hard to
+# read, and things that are no numbers.
 NUMBERS = (
     *(
         "0",
@@ -130,8 +130,8 @@ ANSWERED = re.compile(
 def mutated(text: str, random: Random) -> str:
     """A file's text with one to three things in it spoiled.
 
-    In three cases of seven another number is set, else a line is left out or doubled, a sign inserted, the text
-    cut off, or its letters' case changed.
+    In three cases of seven another number is set, else a line is left out or copied elsewhere, a sign inserted,
+    the text cut off, or its letters' case changed. A text without numbers is cut off or changed in case.
     """
     for _ in range(random.randint(1, 3)):
         lines = text.split("\n")
@@ -182,7 +182,7 @@ def inputs(random: Random) -> Iterator[tuple[str, list[str]]]:
                 ["sweep", "x.toml", "--workers", "0", "--quiet", "--out", "o"],
             )
         else:
-            # Each gets a file that is not of its kind, or a name that there is not.
+            # Each gets a file that is not of its kind, or a name or an option that it does not know.
             command = random.choice(
                 ("export", "compare", "report", "paper", "bench", "scenes", "solve", "pick")
             )
@@ -224,7 +224,8 @@ def answered(
     place
         Folder in which it runs; standard output and standard error go into files there.
     seconds
-        Seconds of the processor that it may take, unless it has announced a run.
+        Seconds of the processor that it may take, and in which it may do nothing, unless it has announced a
+        run.
     announced
         What standard error says of a run that is announced.
     """

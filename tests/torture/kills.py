@@ -29,9 +29,9 @@ TIMES = (
 # hit both at work.
 BRIEF = STUDY.replace("[1e-4, 1e-6, 1e-8]", "[1e-4, 1e-6]").replace("cyrk-vern8", "taylor")
 MANY = SWEEP.replace("particles = 4", "particles = 60\nblock = 5")
-# Processes that outlive their parent by this, in seconds, are orphans.
+# Processes that outlive their parent by this, in seconds, are orphans. An estimate.
 GONE = 5.0
-# Most kills in a row before a command is let come to its end.
+# Most kills in a row before a command is let come to its end: by estimate.
 MOST_KILLS = 4
 # A kill falls within this multiple of the time of an undisturbed run: a few come after the end.
 KILLED_WITHIN = 1.1
@@ -214,7 +214,10 @@ def _finished(job: Job, folder: Path, what: str) -> list[str]:
 
 
 def raced(folder: Path, cold: int = 10) -> list[str]:
-    """Complaints about two runs on one store at once, two on one file, and so many cold processes on one cache."""
+    """Complaints about two runs on one store at once, two on one file, and so many cold processes on one cache.
+
+    Ten processes are more than the processors of usual machines: several compile the same at once.
+    """
     (folder / "study.toml").write_text(BRIEF, encoding="utf-8")
     bench = JOBS["bench"]
     complaints = []

@@ -19,8 +19,8 @@ from polhode.harness.ivp import solve_ivp
 from polhode.models.scene import Ellipsoid, EulerStart, Scene
 from polhode.solvers.catalogue import SOLVERS
 
-# Runs of either kind after which memory may grow by no more than this, in MiB. Before, libraries are loaded
-# and caches are filled. Estimates: a leak of a few kB a run grows beyond the limit in all 20,000 runs.
+# Runs of either kind in which libraries are loaded and caches are filled; after these, memory may grow by no
+# more than the second number, in MiB. Estimates: a leak of a few kB a run grows beyond it in 20,000 runs.
 FIRST = 500
 MAX_GROWTH = 50.0
 
@@ -49,7 +49,7 @@ def solves() -> Iterator[None]:
 
 
 def functions() -> Iterator[None]:
-    """Runs of functions of one's own, a new one each time, which hold a large array."""
+    """Runs of functions of one's own that are accepted, a new one each time, which hold a large array."""
     for number, solver in enumerate(cycle(SOLVERS)):
         # The array, 80 kB, would show if it were not freed. Frequencies differ, and stay so close that all
         # runs take about as many steps.

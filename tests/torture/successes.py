@@ -30,18 +30,19 @@ from polhode.solvers.solve import solve as run
 SEED = 20
 # Questions that are drawn, of which only the first ones are asked: far more than fill any number of runs.
 MOST_QUESTIONS = 100_000
-# Every third scene spins so many times faster; its run is as much shorter.
+# Every third scene, if it has inertia and is given by an angular velocity, spins so many times faster; its run
+# is as much shorter. An estimate.
 FAST = 10.0
 # Rotations of a scene, and of one that solvers with Python in the loop run. Estimates: beyond, thousands of
 # runs take too long.
 MOST_ROTATIONS = 1000.0
 MOST_IN_PYTHON = 2.0
-# Solvers and tolerances of two unrelated runs as sharp as double precision allows. Where they differ by
-# more than KNOWN, over I_max, there is no truth to compare with: a tenth of the error that makes a success
+# Solvers and tolerances of two unrelated runs, about as sharp as double precision allows. Where they differ
+# by KNOWN or more, over I_max, there is no truth to compare with: a tenth of the error that makes a success
 # a false one, `doubt.OFF`.
 TRUTH = (("taylor", 1e-16), ("cyrk-vern8", 1e-13))
 KNOWN = 0.01
-# Seconds after which such a run is given up.
+# Seconds after which such a run is given up, by estimate; then its scene is left out.
 TRUTH_SECONDS = 20.0
 # Words in the message of a run that a check has doubted, by the check.
 CHECKS = {
@@ -53,7 +54,7 @@ CHECKS = {
 
 
 def scenes() -> Iterator[tuple[Scene, int, float]]:
-    """Random scenes, each with its number of samples and of rotations."""
+    """Random scenes of `MOST_ROTATIONS` at most, each with its number of samples and of rotations."""
     for i, question in enumerate(questions(SEED, MOST_QUESTIONS)):
         scene = question.scene
         if i % 3 == 0 and isinstance(scene.start, BodyStart) and scene.stokes > 0:
@@ -83,7 +84,7 @@ def truth(scene: Scene, form: Form, samples: int) -> tuple[np.ndarray, float] | 
 
 
 def runs(scene: Scene, samples: int, rotations: float, index: int) -> Iterator[dict[str, Any]]:
-    """A row for each run of a scene by every form and solver at three tolerances: what became of it."""
+    """A row for each run of a scene by every form and solver at up to three tolerances: what became of it."""
     random = np.random.default_rng((SEED, index))
     full = truth(scene, find_form("jeffery" if scene.stokes == 0 else "quaternion"), samples)
     if full is None:

@@ -149,7 +149,10 @@ def digests(chosen: Sequence[Cell], threads: int, seed: int) -> dict[str, str]:
 
 
 def in_process(threads: int, seed: int, every: int = 1) -> dict[str, str]:
-    """The digests of each `every`-th cell from a process of its own; raises RuntimeError if it dies."""
+    """The digests of each `every`-th cell from a process of its own.
+
+    Raises RuntimeError if that dies, and subprocess.TimeoutExpired after `_LIMIT`.
+    """
     words = map(str, (threads, seed, every))
     command = [sys.executable, "-m", "torture.threads", *words]
     run = subprocess.run(

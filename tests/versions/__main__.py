@@ -1,14 +1,15 @@
 """The tests under each Python that is found, other platforms, and each extra: `python -m versions`, in `tests`.
 
-- `python -m versions [3.12 …] [oldest] [newest] [-- ARGUMENTS OF PYTEST]`: the tests under each
-  Python, with the oldest and the newest versions; names leave out the others. What comes after
-  `--` selects tests.
+- `python -m versions [3.12 …] [oldest] [newest] [-- ARGUMENTS OF PYTEST]`: other platforms, then
+  the tests under each Python, with the oldest and the newest versions; names leave out the others.
+  What comes after `--` selects tests.
 - `python -m versions platforms`: what would be installed on other platforms, as resolved by uv.
 - `python -m versions aarch64`: forms, solvers and calls on ARM, under emulation.
 - `python -m versions extras [3.11 …]`: the wheel with no extra and with each one alone.
 
 Versions are resolved by uv from wheels alone, and written beside this file; what ran is written into
-`results.json` and `docs/versions.md`. Exit code 1 if tests fail, or a platform has no wheels.
+`results.json` and `docs/versions.md`. Exit code 1 if a job finds anything wrong, such as tests that
+fail; a Python that is not there is nothing wrong. Exit code 2 if a word is unknown.
 """
 
 import json
@@ -39,7 +40,7 @@ def note(name: str, run: Callable[[], Found]) -> bool:
 
 
 def main() -> int:
-    """Run what is asked for, and write the page; 1 if anything is wrong."""
+    """Run what is asked for, and write the page; returns the exit code."""
     words = sys.argv[1:]
     selection: list[str] = []
     if "--" in words:

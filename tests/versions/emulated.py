@@ -1,6 +1,7 @@
-"""polhode on ARM under emulation: Debian's Python for aarch64 and the wheels, run by QEMU, no root's hooks needed.
+"""polhode on ARM under emulation: Debian's Python for aarch64 and the wheels, run by QEMU.
 
-Needs `debootstrap` and `qemu-user-static` (Debian). Ten minutes. CyRK has no wheel for Linux on ARM: it is
+QEMU is called by name, so that the kernel need not know of it (binfmt_misc). Needs `debootstrap` and
+`qemu-user-static` (Debian). Ten minutes. CyRK has no wheel for Linux on ARM: it is
 compiled here, in half of that time, if Debian's `g++-aarch64-linux-gnu` is installed.
 """
 
@@ -169,7 +170,7 @@ def installation() -> tuple[Path, Path, str]:
 
 
 def run() -> Found:
-    """What runs on aarch64 under emulation."""
+    """What runs on aarch64 under emulation; "why" says what is wrong, or why nothing ran."""
     lacking = missing_commands()
     if lacking:
         names = "apt install debootstrap qemu-user-static"

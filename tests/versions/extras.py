@@ -29,7 +29,7 @@ STEPS = {
 }
 # Steps that need no extra.
 PLAIN = ("solve", "pick", "solve_ivp", "WorkPrecision")
-# What a line names where a step of `site` is refused: its figures are an extra of their own.
+# The extra that the line names where a step is refused. What `site` draws, it draws by `figures`.
 NAMED = {"plot": "figures", "draw": "figures", "report": "site", "dask": "dask"}
 NAMED |= {"to_xarray": "data", "to_parquet": "data"}
 # Seconds after which the steps taken in an environment are stopped: far more than they take.

@@ -71,6 +71,7 @@ def of_pythons(results: dict[str, Found]) -> str:
                 continue
             tests = re.sub(r" in .*", "", found["tests"])
             numbers = [found.get(name, "–") for name in SHOWN]
+            # A note is typed into `results.json` by hand.
             which = "; ".join(filter(None, [found.get("selection", "–"), found.get("note")]))
             steps = found.get("steps", "–")
             rows.append([found.get("python", version), end, steps, tests, which, *numbers])

@@ -40,8 +40,11 @@ SCENE_OF = {
 }
 # Forms with a solver of their own; the others run by SciPy's DOP853, which is everywhere.
 SOLVER_OF = {"jeffery": "exact", "euler-top": "exact"}
-# A long run that is nearly free of torque: here stroboscopic averaging skips turns.
+# A long run that is nearly free of torque: here stroboscopic averaging skips turns. Both numbers are
+# estimates.
 NEARLY_FREE = replace(named_scene("spheroid"), stokes=1e6, time=1e4)
+# Of the runs of forms and solvers: an estimate. What numbers of other machines may differ by, `emulated.py`
+# says.
 TOLERANCE = 1e-8
 # Seconds after which a run by one solver is stopped: under emulation the slowest takes 20.
 MAX_SECONDS = 300.0

@@ -18,11 +18,14 @@ import numpy as np
 HERE = Path(__file__).parent
 # Digits of the constants: a few more than long double holds.
 mp.mp.dps = 25
+# Equispaced times of a run, its start and end among them.
 ROWS = 11
-# Tolerance of a step and columns of the extrapolation, of the run that is kept and of its check.
+# Tolerance of a step and columns of the extrapolation (`whole_runs.c`), of the run that is kept and of its
+# check: estimates.
 KEPT = ("1e-17", 6)
 CHECK = ("1e-16", 5)
 
+# Semi-axes, in units of the longest.
 BODIES = {
     "prolate": (0.5, 0.5, 1.0),
     "oblate": (1.0, 1.0, 0.4),
@@ -31,7 +34,7 @@ BODIES = {
     "triaxial": (1.0, 0.8, 0.5),
     "near-spheroid": (1.0, 0.999, 0.5),
 }
-# Angular velocity about the body axes, in shear rates.
+# Angular velocity about the body axes, in shear rates. These numbers, St and durations are made up.
 STARTS = {"rest": (0.0, 0.0, 0.0), "tumbling": (0.4, -0.5, 0.3), "fast": (4.0, 2.0, -3.0)}
 # St and duration, in inverse shear rates; each of the starts of a body takes one, in turn.
 SCALES = ((1e-3, 3.0), (1e-1, 20.0), (1e1, 40.0), (1e3, 400.0), (1e5, 2e4), (1e7, 1e5))
@@ -58,6 +61,7 @@ def resistances(axes):
         def value(t):
             return 1 / ((square + t) * mp.sqrt((a**2 + t) * (b**2 + t) * (c**2 + t)))
 
+        # Places at which the quadrature is divided, by estimate: before, at and beyond the squares of the axes.
         return a * b * c * mp.quad(value, [0, c**2 / 100, 1, 10, mp.inf])
 
     squares = [a**2, b**2, c**2]
@@ -80,7 +84,7 @@ def rows_of(quaternion):
 
 
 def run(program, scene, tolerance, columns):
-    """Times and states of a scene, as text."""
+    """Times and states of a scene, as text: a row has the time, the 9 entries of the matrix of `rows_of`, and L."""
     inertia = moments(scene["semi_axes"])
     axes = rows_of(scene["quaternion"])
     spin = [mp.mpf(value) for value in scene["angular_velocity"]]
@@ -88,6 +92,7 @@ def run(program, scene, tolerance, columns):
     numbers = [scene["stokes"], *scene["semi_axes"], *inertia, *resistances(scene["semi_axes"])]
     numbers += [axes[i, c] for i in range(3) for c in range(3)]
     numbers += momentum
+    # More digits than long double has.
     text = " ".join(mp.nstr(mp.mpf(number), 22) for number in numbers)
     text += f" {tolerance} {columns} {ROWS} {scene['time']!r}"
     answer = subprocess.run(
@@ -97,7 +102,7 @@ def run(program, scene, tolerance, columns):
 
 
 def scenes():
-    """A scene for each body and start."""
+    """A scene for each body and start, from a random orientation."""
     generator = np.random.default_rng(20261126)
     number = 0
     for body, axes in BODIES.items():
@@ -117,6 +122,7 @@ def scenes():
 
 
 def main():
+    """Run all scenes and write the file."""
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder, "whole_runs")
         source = HERE / "whole_runs.c"
