@@ -15,7 +15,7 @@ from polhode.models.structure import Structure, in_run_time
 
 
 def structure_of(problem: Problem) -> Structure | None:
-    """The structure of a user's problem's Jacobian; None for other problems."""
+    """The structure of a user's problem's Jacobian; None if none is given, and for other problems."""
     return problem.field.structure if isinstance(problem.field, OwnField) else None
 
 

@@ -25,7 +25,7 @@ euler_rates  = [1.0, 1.0, -1.0]
 """
 # Two solvers at three tolerances on one scene at two Stokes numbers, since pages and filters group
 # runs by St. It takes seconds, not minutes: runs are short (t = 1 and 2, by `slow_time`), have few
-# rows (`samples`), and one that hangs is stopped after `max_seconds`.
+# rows (`samples`), and one that hangs is stopped after `max_seconds`. Its numbers are made up.
 STUDY = """\
 name = "small"
 title = "A small study"

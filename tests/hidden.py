@@ -137,7 +137,7 @@ def python(
     words
         Words of its command line.
     seconds
-        Limit of time.
+        Limit of time, far more than any command takes; then subprocess.TimeoutExpired is raised.
     narrow
         Whether long double is double there.
     """
@@ -159,7 +159,7 @@ def python(
 
 
 def answers(library: str, folder: Path, commands: list[tuple[str, ...]]) -> list[Answer]:
-    """What commands answer without a library, all in one process."""
+    """What commands answer without a library, all in one process; AssertionError if that fails."""
     written(folder)
     done = python(library, folder, "-c", _SEVERAL, json.dumps(commands))
     if done.returncode:

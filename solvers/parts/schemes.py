@@ -6,8 +6,8 @@ ones in turns: fast, slow, fast, ..., slow, fast. Steps h of ABA(10,6,4) err by 
 alike; SABA2 errs by ε h⁴ and ε² h², and S2 by ε h². `parallel` has no such law: its shares
 are fitted (`schemes.toml`).
 
-An output row may lie within a step. A step of its own leads to it from the step's begin; that step is
-always one of ABA(10,6,4).
+An output row may lie within a step. A step of its own, always one of ABA(10,6,4), leads to it from the
+nearer end of the step; where relaxation is strong it starts at the step's begin.
 """
 
 import tomllib
@@ -59,7 +59,7 @@ class Scheme:
 
     @cached_property
     def widest(self) -> float:
-        """The largest fast share, either way."""
+        """The largest fast share in size; shares may be negative."""
         fast = self.numbers[float][1 : 1 + (self.stages + 1) * self.chains]
         return float(np.abs(fast).max())
 
@@ -127,7 +127,7 @@ for _scheme in (*SCHEMES, PARALLEL):
 
 @once()
 def dop853() -> SimpleNamespace:
-    """SciPy's coefficients of DOP853, without the 0.2 s that its package takes to import.
+    """SciPy's coefficients of DOP853, without the import of its package, which takes some 0.2 s.
 
     They have the names of SciPy's module: A and B of the method, D of the interpolant, E3 and E5 of
     the error estimates, `N_STAGES` and further ones.

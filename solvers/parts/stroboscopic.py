@@ -72,8 +72,8 @@ _ROUNDING = 3e-15
 # Weights of Φ^k - Φ^-k in the central differences: a row for each order, a column for each k = 1,
 # 2, 3.
 _WEIGHTS = np.array([[1 / 2, 0.0, 0.0], [2 / 3, -1 / 12, 0.0], [3 / 4, -3 / 20, 1 / 60]])
-# Address of row j - 1 by j, the largest k that it uses, which is half its order. The whole table has
-# address 1.
+# Address of row j - 1 by j, the largest k that it uses, which is half its order. The address of the first
+# row, by 1, is that of the whole table.
 _WEIGHT_ROWS = {1 + i: row.ctypes.data for i, row in enumerate(_WEIGHTS)}
 # Stages of DOP853, the field at the end of the step included. Three more make its interpolant.
 _STAGES = 13

@@ -2,7 +2,7 @@
 
 A call takes a bounded number of steps, after which the library says "too much work" and goes on,
 when called again, from where it stands: deadlines and Ctrl-C are looked at there, over the very
-same steps. While it runs, numbers below 2e-308 count as zero.
+same steps. While it runs, numbers below 2e-308 count as zero, on x86 alone.
 """
 
 import ctypes
@@ -179,7 +179,7 @@ class Memory:
 
 
 def integrator(memory: Memory, count: bool) -> Integrator:
-    """Runs into records."""
+    """An integrator that fills records, by a problem in the library's memory; `count` right-hand sides or not."""
 
     def integrate(record: Record) -> Outcome:
         try:

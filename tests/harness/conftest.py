@@ -25,7 +25,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 @pytest.fixture
 def polhode(tmp_path: Path, environment: dict[str, str]) -> Run:
-    """`polhode ARGUMENTS`, run to its end in an empty folder."""
+    """`polhode ARGUMENTS`, run to its end in a folder of the test's own, or in another one."""
 
     def run(*arguments: object, folder: Path = tmp_path) -> subprocess.CompletedProcess[str]:
         words = [SCRIPT, *map(str, arguments)]
@@ -49,7 +49,7 @@ def here(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> Run:
-    """As `polhode`, but in this process, which has imported and compiled already what it needs."""
+    """As `polhode`, but in this process, so that what it has imported and compiled need not be again."""
     monkeypatch.chdir(tmp_path)
     for name in ("HOME", "XDG_CACHE_HOME"):
         monkeypatch.setenv(name, environment[name])

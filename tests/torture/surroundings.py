@@ -16,7 +16,8 @@ from hidden import (
     written,
 )
 
-# Seconds in which a command ends: far more than any of them takes.
+# Seconds in which a command ends: far more than any of them takes. If one does not, subprocess.TimeoutExpired
+# is raised.
 _LIMIT = 900.0
 # Seconds after which a study that runs without a library is stopped: by then it has named the library.
 _STUDY_SECONDS = 30.0

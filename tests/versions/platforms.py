@@ -13,7 +13,7 @@ PLATFORMS = {
 
 
 def on_platform(platform: str) -> Found:
-    """The versions that a platform gets."""
+    """The versions that a platform gets, by package; or "why" it gets none."""
     words = ["pip", "compile", "--quiet", "--no-header", "--no-annotate"]
     words += ["--only-binary", ":all:", "--python-version", PYTHONS[0]]
     words += ["--python-platform", PLATFORMS[platform], "pyproject.toml"]

@@ -60,7 +60,7 @@ def environment(python: str, version: str, end: str) -> Path:
 
 
 def tested(there: Path, end: str, selection: list[str]) -> str:
-    """The last line of the tests' output: how many passed and failed."""
+    """The last line of the tests' output that says how many passed or failed; the exit code if none does."""
     # Old libraries call what newer ones beside them have renamed: Matplotlib 3.9 in pyparsing 3.3.
     allowed = ["-W", "ignore::DeprecationWarning"] if end == "oldest" else []
     words = ["-m", "pytest", "-m", "not slow", "--numprocesses", "2", "--dist", "worksteal"]
@@ -79,7 +79,7 @@ def tested(there: Path, end: str, selection: list[str]) -> str:
 
 
 def smoked(there: Path) -> tuple[str, str]:
-    """How many steps of `smoke.py` answer, and what is wrong with others."""
+    """How many steps of `smoke.py` give numbers, and what is wrong; a step that is refused is not wrong."""
     done = subprocess.run(
         [str(there), SMOKE],
         cwd=BUILD,
@@ -97,7 +97,7 @@ def smoked(there: Path) -> tuple[str, str]:
 
 
 def one(version: str, end: str, selection: list[str]) -> Found:
-    """What ran under a Python at an end; a selection is of arguments of pytest."""
+    """What ran under a Python at an end of the versions; `selection` are further arguments of pytest."""
     python = interpreter(version)
     if python is None:
         return {"tests": MISSING}

@@ -12,6 +12,7 @@ HERE = Path(__file__).parent
 BUILD = ROOT / "build" / "versions"
 # The program that takes polhode's steps on a machine.
 SMOKE = HERE / "smoke.py"
+# Pythons that polhode supports, the oldest first.
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 # Libraries whose versions the tables show.
 SHOWN = ("numpy", "scipy", "pandas", "llvmlite", "cyrk", "heyoka", "scikit-sundae")
