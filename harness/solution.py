@@ -50,8 +50,8 @@ class SceneSolution(LikeSolveIvp):
     """The motion of a scene, finished or not; it pickles.
 
     Called with times, a number or an array in units of the inverse shear rate, it gives the motion
-    there, again a `SceneSolution`. The run's solver integrates from the row before each time at the
-    run's tolerance: this motion is as accurate as the rows. A solution has the names of `solve_ivp`'s
+    there, again a `SceneSolution`. The run's solver, or one of order 8 for it, integrates from the row before
+    each time at the run's tolerance: one step's error is added to the row's. A solution has the names of `solve_ivp`'s
     result too: `t`, `y` (the form's own state, shape (d, n)), `sol`, `nfev`, `njev`, `status`,
     `message`, `success`.
 

@@ -117,8 +117,8 @@ class WorkPrecision:
     samples : int
         Equispaced times at which the error is measured.
     max_seconds : float
-        Time limit of a run, those of the reference too. A solver stopped by it does not run at
-        tighter tolerances; the row stays.
+        Time limit in seconds of a run, those of the reference too. A solver stopped by it does not run
+        at tighter tolerances; the row stays.
     quiet : bool
         No progress on the terminal.
     classical : Classical, optional
@@ -375,11 +375,11 @@ class WorkPrecision:
         }
 
     def plot(self, axes: "Axes", *, best: bool = False, reach: float | None = None) -> "Axes":
-        """Draw wall time against error, titled with problem and tolerances, named by solvers; return the axes.
+        """Draw wall time against error, titled with problem and tolerances, with a label for each solver.
 
-        Errors that the reference does not resolve are grey. With `best`, the fastest of each family
-        of solvers alone. A study over a parameter is drawn as the time that each solver takes to
-        `reach` an error, 1e-6 by default, against the parameter.
+        The axes are returned. Errors that the reference does not resolve are grey. With `best`, the
+        solvers of `best` alone. A study over a parameter is drawn as the time that each solver takes to
+        `reach` an error, by default `DEFAULT_ERROR`, against the parameter; ValueError over several.
         """
         need("plot", "matplotlib")
         from polhode.harness.pages import own_problem
@@ -390,7 +390,7 @@ class WorkPrecision:
         return own_problem.draw(axes, frame, self)
 
     def best(self) -> pd.DataFrame:
-        """The rows of the solver of each family that is the fastest at most of the errors reached."""
+        """The rows of one solver of each family: the fastest at the most errors (`best_of_families`)."""
         return best_of_families(self.frame)
 
     def to_csv(self, path: str | Path) -> Path:

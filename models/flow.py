@@ -91,7 +91,7 @@ class Flow:
     def track(cls, times: Any, gradients: Any) -> "Flow":
         """The flow along a particle's path: gradients, shape (n, 3, 3), at n increasing times.
 
-        Between the times, the knots, it is the cubic spline through them. Its error falls as the fourth
+        Between the times, the knots, it is SciPy's `CubicSpline` through them. Its error falls as the fourth
         power of their distance, and its second derivative is continuous. Raises ValueError if the
         numbers of times and gradients differ, or some of them are no track's.
         """

@@ -15,7 +15,8 @@ from polhode.models.shape import Triple
 Array = np.ndarray
 Quaternion = tuple[float, float, float, float]
 
-# Squares of numbers between this one and its inverse neither underflow nor overflow.
+# Squares of numbers between this one and its inverse neither underflow nor overflow, which they do near
+# 1e-154 and 1e154.
 _SMALLEST_SIZE = 1e-140
 
 

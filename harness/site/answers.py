@@ -123,7 +123,8 @@ def question_columns(
     reached
         Runs that reached their end, a frame.
     scenes
-        Scenes of the study with their names. They tell which runs of `hybrid` average nothing.
+        Scenes of the study with their names. They tell which runs of `hybrid` average nothing: these are
+        left out.
     """
     columns = []
     for (name, error), cells in panels.items():
@@ -148,7 +149,7 @@ def _span(runs: pd.DataFrame) -> str:
 
 
 def _methods(runs: pd.DataFrame, error: str) -> list[dict[str, Any]]:
-    """The methods that are the fastest, or the next of another label, at some error; an averaged form's Pareto front.
+    """The methods that are the fastest, or next of another label, at some error, or on an averaged form's front.
 
     No answer needs another method: it names the fastest, the next one of another label, and averaged forms.
     Each has its runs under "points".

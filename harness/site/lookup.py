@@ -20,8 +20,8 @@ Column = Mapping[str, Any]
 least error that the reference knows, None where its uncertainty is unknown: then it knows none. `methods`
 holds form, solver, label, whether the form is averaged, and `points`, from the fastest run to the most
 accurate one. A point has the error, the seconds of the fastest repeat, the tolerance, and the spread: the
-longest repeat less the fastest, over the fastest. Methods of one label count as one: an averaged form by
-any solver, or a solver in any full form (`pareto.Method.label`).
+longest repeat less the fastest, over the fastest. Methods of one label count as one: an averaged form or
+`hybrid` by any solver, or a solver in any full form (`pareto.Method.label`).
 """
 
 

@@ -126,14 +126,14 @@ def _opening(reports: Path, sources: Path, names: list[str]) -> str:
 
 
 def _groups(names: list[str]) -> dict[str, dict[str, str]]:
-    """By group the pages that there are, with their names in the navigation."""
+    """By group the pages that there are, with their names in the navigation; `names` are those of docs and reports."""
     there = {*names, "cost", "motion"}
     groups = {
         caption: {page: name for page, name in pages.items() if page in there}
         for caption, pages in NAVIGATION.items()
     }
     listed = {page for pages in groups.values() for page in pages}
-    # Pages beside a folder's README stand below it. All others go into the last group.
+    # Pages beside a folder's README stand below it. All others that no group lists go into "Evidence".
     others = [
         name
         for name in names
@@ -219,7 +219,7 @@ def _copy_code(text: str, source: Path, page: Path) -> None:
 
 
 def _copy_pictures(text: str, source: Path, page: Path) -> str:
-    """Copy the pictures of a page, and return its text, in which they are WebP; the lost ones are named."""
+    """Copy the pictures of a page, and return its text, in which they are WebP; of lost ones it has the words alone."""
     return re.sub(r"!\[([^\]]*)\]\(([^)\s]+)\)", partial(_picture, source, page), text)
 
 

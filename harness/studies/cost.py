@@ -185,8 +185,9 @@ def measure(
 ) -> list[Overhead]:
     """Overheads of solvers whose bare call is known, minima of calls in turns over about `seconds` for each.
 
-    `samples` equispaced rows are asked of both. The default of `seconds` is an estimate: many calls of some
-    milliseconds fit into it. Solvers without a known bare call, or not installed, are left out.
+    `samples` equispaced rows are asked of both. `exact`, which is no library's, is no default. The default of
+    `seconds` is an estimate: many calls of some milliseconds fit into it. Solvers without a known bare call, or
+    not installed, are left out.
     """
     times = np.linspace(0.0, problem.end, samples)
     table = []

@@ -14,9 +14,11 @@ class Classical:
     Parameters
     ----------
     problem : Problem
+        The equations, the start and the end.
     reference : tuple of float
         State at the end.
     stiff : bool
+        Whether stability, not accuracy, sets the steps of explicit methods.
     source : str
         Where problem and digits are published; where none are, how the digits were found.
     hopeless : tuple of str
