@@ -119,8 +119,8 @@ def propagate(
     """Propagate a heyoka integrator over the record's times, in chunks, which change none of its steps.
 
     The caller has set its state, time and parameters to the record's start.
-    ``states(rows, times)`` are the states that its rows mean, if these are not the rows themselves.
-    `max_step` is the largest step, in the integrator's time.
+    ``states(rows, times)`` are the states that its rows mean, if these are not the rows themselves;
+    `times` may go on beyond the rows. `max_step` is the largest step, in the integrator's time.
     """
     outcome = load_heyoka().taylor_outcome
     number = integrator.state.dtype

@@ -50,7 +50,7 @@ def told(folder: Path, frames: Iterable[tuple[str, int, int]], seconds: float = 
     """What each page of a folder posts to its parent, parsed: one JSON text for each frame.
 
     A frame is an address in the folder, and the width and height of its window in pixels. The browser is stopped
-    after so many seconds.
+    after so many seconds, by estimate far more than it takes: then subprocess.TimeoutExpired is raised.
     """
     frames = [*frames]
     (folder / "host.html").write_text(_HOST % json.dumps(frames), encoding="utf-8")

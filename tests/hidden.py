@@ -86,6 +86,7 @@ LONG_COMMANDS: dict[tuple[str, ...], frozenset[str]] = {
     ("report", "--reports", "bench", "--out", "site", "--quiet"): PAGES | {"sphinx"},
     ("doctor",): frozenset(),
 }
+# A small sweep of two shapes that ends in a moment; its numbers are made up.
 SWEEP = """\
 name = "small"
 title = "A small sweep"

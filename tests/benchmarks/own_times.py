@@ -44,6 +44,7 @@ def linear(t, y):
     return MATRIX @ y
 
 
+# Starts and ends are made up: runs of some turns or decay times.
 PROBLEMS = {
     "Brusselator": Problem.from_function(brusselator, [1.5, 3.0], 20.0),
     "Lorenz": Problem.from_function(lorenz, [1.0, 1.0, 1.0], 5.0),

@@ -1,7 +1,8 @@
 """Does the suite name the winners that `polhode bench` measured on the same machine?
 
-`python tests/benchmarks/winners.py SUITE.json BENCH` compares the JSON of the suite with a folder of
-`polhode bench`: in each table and for each error, the suite's fastest method against the bench's.
+`python tests/benchmarks/winners.py SUITE.json BENCH` compares the JSON of the suite, which `make benchmark`
+leaves in `.benchmarks`, with a folder of `polhode bench`: in each table and for each error, the suite's
+fastest method against the bench's.
 """
 
 import argparse

@@ -67,7 +67,7 @@ def _pulse_end(centre: float, width: float, decay: float, start: float, end: flo
 
 
 # The functions are as users write them. Coefficients are those of textbooks where a problem has a name, and
-# made up for the others.
+# made up for the others, as are starts and ends of runs.
 
 
 def growth(t, y):

@@ -24,6 +24,7 @@ from commandline import SCENE, STUDY
 from polhode.harness import commands
 from polhode.harness.cli import main
 
+# A small sweep that ends in a moment; its numbers are made up.
 SWEEP = """\
 name = "small"
 title = "A small sweep"
@@ -164,7 +165,7 @@ def inputs(random: Random) -> Iterator[tuple[str, list[str]]]:
     while True:
         kind = random.randrange(6)
         if kind <= 2:
-            # Mostly no further words.
+            # Often no further words; numbers of choices here and below are estimates.
             extra = [
                 random.choice(OPTIONS + WORDS + NUMBERS)
                 for _ in range(random.choice((0, 0, 1, 2, 4)))

@@ -216,7 +216,7 @@ def _finished(job: Job, folder: Path, what: str) -> list[str]:
 def raced(folder: Path, cold: int = 10) -> list[str]:
     """Complaints about two runs on one store at once, two on one file, and so many cold processes on one cache.
 
-    Ten processes are more than the processors of usual machines: several compile the same at once.
+    `cold` is an estimate: with ten, several compile the same at once.
     """
     (folder / "study.toml").write_text(BRIEF, encoding="utf-8")
     bench = JOBS["bench"]

@@ -33,6 +33,7 @@ _THREADS = 12
 # What a function of one's own captures, or takes as its argument: any number, the same in all threads.
 _FREQUENCY = 1.25
 
+# Shapes, St and starts of all kinds, a few shear times each; the numbers are made up.
 _SPINNING = EulerStart((1.0, 0.5, 0.1), (1.0, 1.0, -1.0))
 _TUMBLING = BodyStart((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.7))
 SCENES = {
