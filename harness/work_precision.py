@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 # Relative tolerances of the classical problems, one a decade: from SciPy's default, 1e-3, to the last one
 # above rounding (`polhode.models.problem.ROUNDING`).
 _CLASSICAL_TOLERANCES = tuple(10.0**-k for k in range(3, 13))
-# Relative tolerances of a first look: three of them, far apart.
+# Relative tolerances of a first look (`quick`): three of them, far apart. A choice.
 QUICK_TOLERANCES = (1e-4, 1e-7, 1e-10)
 # Time limit of one run of a classical problem, in seconds, and with `quick`; estimates. A larger limit
 # adds slow runs at tight tolerances to the table, and time to the study.
@@ -627,7 +627,7 @@ def side_by_side(studies: Sequence[WorkPrecision], *, best: bool = False) -> "Fi
 def measured(
     name: str, solver: str, tolerances: Sequence[float], max_seconds: float
 ) -> list[Record]:
-    """Rows of one classical problem by one solver, in a worker process."""
+    """Rows of one classical problem by one solver; `run_problems` calls this in a worker process."""
     one = PROBLEMS[name]
     study = WorkPrecision(
         one.problem,
@@ -652,7 +652,8 @@ def run_problems(
 ) -> list[Record]:
     """Measure what the store lacks; return the rows of all, each with problem, machine, versions and date.
 
-    Problems and solvers are named as `pairs_of` takes them. Raises KilledFromOutsideError if something
+    Problems and solvers are named as `pairs_of` takes them. `quick` takes `QUICK_TOLERANCES` and a shorter
+    time limit, and `quiet` shows no progress. Raises KilledFromOutsideError if something
     else, such as a system without memory, kills the worker process again and again.
     """
     settings = {

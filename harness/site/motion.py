@@ -45,7 +45,7 @@ _FEW_DECIMALS = 3
 
 
 def examples() -> dict[str, Scene]:
-    """Motions to show: scenes of the catalogue, in parts changed."""
+    """Motions to show, by name: built-in scenes with the changes that `motions.toml` lists."""
     listed = tomllib.loads(Path(__file__).with_name("motions.toml").read_text("utf-8"))
     return {
         name: replace(named_scene(changes.pop("scene")), **changes)

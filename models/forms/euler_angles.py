@@ -26,6 +26,7 @@ from polhode.models.scene import EulerStart, Scene
 # Least |sin θ|. `EulerAngles` says what a passage at a distance costs, whatever the tolerance. A larger limit
 # would end more runs, a smaller one lose more digits.
 POLE_LIMIT = 1e-5
+# The limit as messages write it.
 IN_WORDS = np.format_float_scientific(POLE_LIMIT, exp_digits=1, trim="-")
 
 
