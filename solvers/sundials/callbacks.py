@@ -148,8 +148,9 @@ class Callbacks:
     def _first_seen(self, jacobian: Callable[..., None]) -> Callable[..., None]:
         """The Jacobian's function, which notes that there was a Jacobian.
 
-        A run by the sparse linear solver that ends before its first factorization, which follows at
-        once, crashes the process: the library frees a factorization that it has not made.
+        A run by the sparse linear solver that ends before its first factorization crashes the process:
+        the library frees a factorization that it has not made. The first one follows the first Jacobian
+        at once.
         """
 
         # The library reads the number of arguments.

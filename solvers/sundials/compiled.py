@@ -163,7 +163,7 @@ class Memory:
         self._set("SetStopTime", float(record.times[-1]))
 
     def advance(self, record: Record, most: int) -> int:
-        """Go on until the end, a failure or a number of steps; the library's last code."""
+        """Go on until the end, a failure, or `most` steps since the start; returns the library's last code."""
         times = record.times
         rows = record.rows
         pointers = (

@@ -129,7 +129,10 @@ class _Differences:
 
 
 def _filled(jacobian: Any, mass: np.ndarray | None, entries: Any) -> Any:
-    """The function that fills the library's matrix with the Jacobian of f, or of ``mass * y' - f``."""
+    """The function that fills the library's matrix with the Jacobian of f, or of ``mass * y' - f``.
+
+    `entries` makes of a Jacobian the array that the library's matrix holds.
+    """
 
     def at(t: float, y: np.ndarray) -> Any:
         return jacobian(t, y) if callable(jacobian) else jacobian
@@ -150,6 +153,7 @@ def _filled(jacobian: Any, mass: np.ndarray | None, entries: Any) -> Any:
 
 
 def _residual(jacobian: Any, mass: np.ndarray, cj: float) -> Any:
+    """The Jacobian of IDA's residual, ``cj * mass - jacobian``; sparse if `jacobian` is and the mass is diagonal."""
     if mass.ndim == 2 or not hasattr(jacobian, "tocsc"):
         return cj * full(mass) - dense(jacobian)
     with IMPORTS:

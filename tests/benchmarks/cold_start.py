@@ -51,7 +51,7 @@ print(time.perf_counter() - began)
 
 
 def python(*words: str, fresh: bool = False) -> str:
-    """What a process prints, with a cache of its own that is empty if it is to be fresh."""
+    """What a process prints; a fresh one has an empty cache of its own, another one the user's."""
     with TemporaryDirectory() as folder:
         environment = {**os.environ, "POLHODE_CACHE": folder} if fresh else os.environ
         command = [sys.executable, *words]

@@ -21,7 +21,8 @@ STOKES = (-300.0, 300.0)
 ASPECT = (0.0, 6.0)
 RATE = (-150.0, 30.0)
 TIME = (-300.0, 300.0)
-# Share of the scenes whose first two semi-axes are equal, and of those with one extreme quantity alone.
+# Share of the scenes with extreme semi-axes of which the first two are equal; and share of all scenes with one
+# extreme quantity alone.
 SPHEROIDS = 0.3
 ONE_EXTREME = 0.5
 # What `solve` says, after a few seconds, of a run that is long.
