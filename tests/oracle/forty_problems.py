@@ -239,4 +239,5 @@ CLASSICAL = {
     for name, classical in PROBLEMS.items()
     if classical.problem.parameters is not None
 }
+# About as many.
 FORTY = OWN | CLASSICAL
