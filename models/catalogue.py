@@ -29,7 +29,7 @@ form = FORMS.find
 
 
 def reference_form(scene: "Scene") -> str:
-    """Name of the full form that gives the orientation of every scene: references and first looks follow it."""
+    """Name of the full form that gives the whole orientation: references and counts of rotations use it."""
     return "jeffery" if scene.stokes == 0 else "quaternion"
 
 

@@ -35,8 +35,8 @@ def _by_numpy(name: str, *arguments: Any) -> Any:
 class Operations:
     """Elementary functions of one kind of number: floats, arrays, LLVM's, heyoka's or mpmath's.
 
-    A vector field is written once, as a factory ``field(ops)`` that returns ``rhs(y, p) -> tuple``
-    and uses nothing but indexing, arithmetic and the names it unpacked from `ops`.
+    A vector field is written once, as a factory ``field(ops)`` that returns ``rhs(y, p) -> tuple``. It
+    uses nothing but indexing, arithmetic and the names it unpacked from `ops`.
     """
 
     sin: Callable[[Any], Any]

@@ -195,9 +195,9 @@ def _with_angle(full: Problem, with_angle: Callable[[Factory], WithRate]) -> Pro
 
 
 def _angle(scene: Scene) -> float:
-    """∫|ω| dt in rad by a loose run of the full equations, from rest only until averages serve.
+    """∫|ω| dt in rad by a loose run of the full equations, and by averages behind it where they serve.
 
-    From rest a first run ends at `risen`, and a second one, also from the start, at `longest`.
+    From rest, or nearly so, a first run ends at `risen`, and a second one, also from the start, at `longest`.
     After each averages give the rest if they serve there, in shear alone. Else the rest is
     extrapolated. The angle is the last component of the state, or the one before the time where
     that is a component too. Raises ValueError if a run fails.

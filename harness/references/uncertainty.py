@@ -4,8 +4,8 @@ from typing import cast
 
 import pandas as pd
 
-# An error closer to the reference's uncertainty than this factor is not known: the uncertainty then adds
-# at most a tenth to it.
+# An error is known if it exceeds this many times the reference's uncertainty: that then changes it by a
+# tenth at most. A choice.
 KNOWN = 10.0
 
 

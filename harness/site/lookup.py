@@ -15,8 +15,8 @@ _SAME = 1e-3
 Column = Mapping[str, Any]
 """What was measured of one particle at one St, for one kind of error.
 
-`particle` is its name, `want` the kind of error, "slow" (L and E) or "orientation" (`answers._WANTS`),
-`St` the Stokes number, `span` the length of the runs in words, which `verdict.js` shows. `limit` is the
+`particle` is its name, `want` the kind of error, "slow" (L and E) or "orientation" (`answers._WANTS`), and
+`St` the Stokes number. `span` is the length of the runs in words, which `verdict.js` shows. `limit` is the
 least error that the reference knows, None where its uncertainty is unknown: then it knows none. `methods`
 holds form, solver, label, whether the form is averaged, and `points`, from the fastest run to the most
 accurate one. A point has the error, the seconds of the fastest repeat, the tolerance, and the spread: the

@@ -24,12 +24,12 @@ _SEPARATRIX_WIDTH = 1e-12
 
 def mean_squares(ops: Operations):
     """Means ⟨z_i²⟩ of the squared body components of L/|L| over the Euler top (`pz`), axes sorted by inertia."""
-    # With m the parameter of the elliptic functions and c_n the differences of the
-    # arithmetic-geometric mean, ⟨sn²⟩ = (1 - E/K)/m = 1/2 + Σ 2ⁿ⁻¹ c_n²/m (DLMF 19.8.6). The sum
-    # has positive terms only and stays exact as m → 0 and m → 1. In the code `mean` and `geometric`
-    # are the numbers of that mean, `square` is c_n²/m and `weight` 2ⁿ⁻¹. As c_(n+1) is c_n² over four
-    # times the next `mean`, square becomes m square²/(16 mean²). Arguments are L², 2E and the moments of
-    # inertia, from the least to the greatest, in any one unit.
+    # m is the parameter of the elliptic functions, K and E are their complete integrals, and c_n half
+    # the differences of the arithmetic-geometric mean: ⟨sn²⟩ = (1 - E/K)/m = 1/2 + Σ 2ⁿ⁻¹ c_n²/m, n ≥ 1
+    # (DLMF 19.8.6). The sum has positive terms only and stays exact as m → 0 and m → 1. In the code
+    # `mean` and `geometric` are the numbers of that mean, `square` is c_n²/m and `weight` 2ⁿ⁻¹. As
+    # c_(n+1) is c_n² over four times the next `mean`, square becomes m square²/(16 mean²). Arguments are
+    # L², 2E and the moments of inertia, from the least to the greatest, in any one unit.
     where_positive = ops.where_positive
     sqrt = ops.sqrt
 

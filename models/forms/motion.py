@@ -181,7 +181,7 @@ def angular_acceleration(ops: Operations) -> Callable:
 def directions(ops: Operations) -> Callable:
     """Flow and gradient directions in body axes, (t₁₁, t₂₁, t₃₁) and (t₁₂, t₂₂, t₃₂), of a quaternion of any norm."""
     # Divided by |q|², so that the norm, which solvers let drift, does not enter the torque. At
-    # loose tolerances over long runs this divides the errors by 10 to 100 and keeps runs from
+    # loose tolerances over long runs this divides the errors by 10 to 100. It keeps runs from
     # blowing up that otherwise do (paper's ellipsoid, St = 1e4 and 1e5). A term that restores the
     # norm does no better there, costs a third more and bounds the step.
 
