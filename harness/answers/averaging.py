@@ -153,22 +153,24 @@ def _surrogate_difference(runner: Runner, exact: Run, turns: float) -> tuple[np.
     small = Runner(surrogate, np.array([0.0, surrogate.time]))
     full = _ended(small.run(full_method(surrogate), SHARP, MAX_STEPS), "the surrogate's run")
     apart = difference(scene.ellipsoid, exact.observables, full.observables)
-    crossing = crosses(scene, exact.observables)
-    model = apart.slow * ratio ** power(ORDER_ONE, crossing)
-    if not crossing:
-        model = model + _kicks(scene)
-    return model, surrogate.stokes
+    if crosses(scene, exact.observables):
+        return apart.slow * ratio ** power(ORDER_ONE, crosses=True), surrogate.stokes
+    kicks = _kicks(scene)
+    if kicks is None:
+        # The surrogate's error may be a kick, which falls like that of a crossing.
+        return apart.slow * ratio ** power(ORDER_ONE, crosses=True), surrogate.stokes
+    return apart.slow * ratio ** power(ORDER_ONE) + kicks, surrogate.stokes
 
 
-def _kicks(scene: Scene) -> np.ndarray | float:
+def _kicks(scene: Scene) -> np.ndarray | float | None:
     """Changes of L by resonances, over I_max, at the compared times of a triaxial run; first order leaves them out.
 
-    The kicks of a run fall like 1/√St: in short runs first order's own error outweighs them.
+    They fall like 1/√St. None if a run is too short for the tables that tell them.
     """
     if scene.ellipsoid.kind != "triaxial":
         return 0.0
     if steps_of(scene, full_method(scene), PACED_TOLERANCE) < TABLED_FROM:
-        return 0.0
+        return None
     from polhode.models.second_order.outline import outline
 
     # A body has passed each kick that lies before a time; kicks of independent phases add up in squares.
