@@ -152,21 +152,25 @@ def digests(chosen: Sequence[Cell], threads: int, seed: int) -> dict[str, str]:
 def in_process(threads: int, seed: int, every: int = 1) -> dict[str, str]:
     """The digests of each `every`-th cell from a process of its own.
 
-    Raises RuntimeError if that dies, and subprocess.TimeoutExpired after `_LIMIT`.
+    Raises RuntimeError if that dies, or has not ended after `_LIMIT`: threads may wait for each other.
     """
     words = map(str, (threads, seed, every))
     command = [sys.executable, "-m", "torture.threads", *words]
-    run = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        timeout=_LIMIT,
-        check=False,
-        env=importing(Path(__file__).parents[1]),
-    )
+    head = f"{threads} threads, seed {seed}"
+    try:
+        run = subprocess.run(
+            command,
+            capture_output=True,
+            text=True,
+            timeout=_LIMIT,
+            check=False,
+            env=importing(Path(__file__).parents[1]),
+        )
+    except subprocess.TimeoutExpired:
+        raise RuntimeError(f"{head}: no end after {_LIMIT:g} s") from None
     if run.returncode:
         last = run.stderr.strip().splitlines()[-1:]
-        raise RuntimeError(f"{threads} threads, seed {seed}: exit code {run.returncode} {last}")
+        raise RuntimeError(f"{head}: exit code {run.returncode} {last}")
     return json.loads(run.stdout)
 
 
