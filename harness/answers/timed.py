@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from math import acos, inf, pi
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import NamedTuple
 
 import numpy as np
@@ -83,6 +83,8 @@ class Timing(NamedTuple):
     plain: float  # seconds of plain practice
     apart: float  # largest difference of the two, in the unit of the error
     stated: float | None  # upper end of the answer's error; None if it states none
+    # Seconds that tell the stratum: of plain practice without what other processes take of the processor.
+    undisturbed: float
 
     @property
     def ratio(self) -> float:
@@ -168,7 +170,9 @@ def study(ask: Ask, seed: int, scenes: int, quiet: bool = False) -> Iterator[Tim
         began = perf_counter()
         observables, stated, method = ask(scene, error, want)
         seconds = perf_counter() - began
+        processor = process_time()
         plain, true = plain_practice(scene, error, want, TIMED_ROWS)
+        processor = process_time() - processor
         if true is None:
             continue
         apart = difference(scene.ellipsoid, observables, true).largest[want] if observables else inf
@@ -183,6 +187,8 @@ def study(ask: Ask, seed: int, scenes: int, quiet: bool = False) -> Iterator[Tim
             plain,
             apart,
             stated,
+            # Compilation counts in the processor's time alone.
+            min(plain, processor),
         )
 
 
@@ -193,6 +199,7 @@ class Stratum(NamedTuple):
     scenes: int
     median: float  # of the ratios
     nine_of_ten: float  # ratio that nine of ten scenes stay below
+    total: float  # all answers over all of plain practice
     quicker: float  # share of the scenes where the answer took less time
     missed: int  # erred by more than `MISSED` times the error requested
     doubted: int  # met the error against plain practice, but stated a larger one or none
@@ -213,7 +220,7 @@ def busy(count: int) -> Iterator[None]:
 
 
 def strata(timings: Sequence[Timing], load: int = 0) -> list[Stratum]:
-    """Timings by the time that plain practice takes, measured beside `load` other processes.
+    """Timings by the time that plain practice takes undisturbed, measured beside `load` other processes.
 
     Strata without a scene are left out.
     """
@@ -221,7 +228,7 @@ def strata(timings: Sequence[Timing], load: int = 0) -> list[Stratum]:
     rows = []
     least = 0.0
     for name, most in _STRATA.items():
-        mine = [timing for timing in timings if least <= timing.plain < most]
+        mine = [timing for timing in timings if least <= timing.undisturbed < most]
         least = most
         if not mine:
             continue
@@ -238,6 +245,7 @@ def strata(timings: Sequence[Timing], load: int = 0) -> list[Stratum]:
                 len(mine),
                 float(np.median(ratios)),
                 float(np.quantile(ratios, 0.9)),
+                sum(timing.seconds for timing in mine) / sum(timing.plain for timing in mine),
                 float(np.mean(ratios < 1)),
                 len(missed),
                 len(doubted),

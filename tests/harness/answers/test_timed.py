@@ -11,14 +11,20 @@ from polhode.harness.cli import main
 
 
 def timing(plain: float, seconds: float) -> Timing:
-    return Timing("1-0", "triaxial", 1.0, 1e-6, "slow", "", seconds, plain, 0.0, 1e-7)
+    return Timing("1-0", "triaxial", 1.0, 1e-6, "slow", "", seconds, plain, 0.0, 1e-7, plain)
 
 
 def test_scenes_lie_in_the_stratum_of_plain_practice():
     rows = strata([timing(0.002, 0.003), timing(0.004, 0.004), timing(0.5, 0.1)])
     assert [(row.name, row.scenes) for row in rows] == [("below 10 ms", 2), ("above 0.1 s", 1)]
     assert rows[0].median == pytest.approx(1.25)
+    assert rows[0].total == pytest.approx(7 / 6)
     assert rows[1].quicker == 1.0
+
+
+def test_a_scene_beside_other_processes_lies_where_it_would_without():
+    slowed = timing(0.5, 0.6)._replace(undisturbed=0.002)
+    assert [row.name for row in strata([slowed], load=8)] == ["below 10 ms"]
 
 
 def test_targets_are_twice_as_large_beside_other_processes():
