@@ -1,4 +1,7 @@
-"""Particles one after another by a solver of the catalogue, if no library runs many at once."""
+"""Particles one after another by a solver of the catalogue, where no library runs many at once.
+
+That is so along tracks, too.
+"""
 
 from dataclasses import replace
 
@@ -9,7 +12,7 @@ from polhode.solvers.catalogue import available_like
 from polhode.solvers.contract import Status
 from polhode.solvers.solve import solve
 
-# Steps after which a particle is given up. An estimate: ten seconds or more of compiled code.
+# Steps after which a particle is given up. An estimate: ten seconds or more of compiled code, far more of Python.
 _MAX_STEPS = 10_000_000
 
 
@@ -18,8 +21,11 @@ def run_one_by_one(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Solve a problem from starts, shape (n, d): states, shape (m, n, d), and statuses.
 
-    States are NaN from the time on at which a particle failed. The tolerance is relative and absolute,
-    of a step of Verner's method of order 8 or what is installed in its place.
+    Times ascend from 0, shape (m,). States are NaN behind the last time that a particle reached; of a particle
+    whose status is `false_success` they are all given. Errors raised are those of `solve`.
+
+    The tolerance is relative and absolute, of a step of Verner's method of order 8 or what is installed in its
+    place.
     """
     method = available_like("cyrk-vern8")
     states = np.full((len(times), *starts.shape), np.nan)

@@ -70,19 +70,21 @@ from polhode.models.scene import BodyStart, Scene
 # Runs of the planes. The paper names κ; the start and the times are estimates.
 _KAPPA = 2.0  # Aspect ratio.
 _MOMENTUM = 0.4  # L_z/I_max at the start.
-_THETA = 0.3  # Rad, at the start.
+_THETA = 0.3  # Rad: angle between the symmetry axis and L at the start.
 _TILT = 0.2  # Rad: tilt of L in the second plane.
 _SHOWN_STOKES = (1e3, 1e4, 1e5)  # St of the full runs that are drawn.
-_SLOW_TIME = 0.12  # Slow time that all runs of the planes are followed.
+# Slow time to which runs of the planes are followed; the aligned averaged one ends at the pinch point. For every κ
+# the pinch point is looked for up to it.
+_SLOW_TIME = 0.12
 # Half sizes along L_z and E of the magnified view, over I_max: by eye.
 _CLOSE = (0.045, 0.0024)
 # Aspect ratios below and above that at which the paper's St^-1/2 ceases to hold (`widest`).
 _WIDTH_KAPPAS = (1.2, 2.0, 3.0)
-# The smallest |L| is looked for from this L_z, over I_max, before the crossing to twice as far after
+# The smallest |L| is looked for from twice this L_z, over I_max, before the crossing to as far after
 # it, at large St (`_least_momentum`). An estimate, which no run's smallest |L| reaches.
 _WINDOW = 0.05
 # St at which a run of `hybrid`, which follows the neighbourhood by the full equations, is compared
-# with a full run. It is as large as a full run of some seconds allows.
+# with a full run. An estimate: a full run at a larger one takes seconds.
 _COMPARED_STOKES = 1e7
 # Line widths of the trajectories by St, in points. The averaged one, St = ∞, lies on top.
 _WIDTHS = {np.inf: 0.6, 1e3: 1.9, 1e4: 1.4, 1e5: 1.0}
@@ -320,22 +322,27 @@ def _least_momentum(
 ) -> float:
     """Smallest |L|/I_max of a run that starts with L along the vorticity.
 
-    The averaged run meets the pinch point at `slow_time`. The smallest |L| is looked for from a
-    half window before it to two half windows after it.
+    The averaged run meets the pinch point at `slow_time`. The smallest |L| is looked for from two
+    half windows before it to two after it.
     """
     # The half window is `_WINDOW` of L_z/I_max at the mean speed, or ten times the paper's St^-1/2
-    # if that is more. At the most it reaches back to the start of the run: 0.999 leaves it out, as
+    # if that is more. At the most two reach back to the start of the run: 1.998 leaves it out, as
     # times have to increase.
     speed = _MOMENTUM / slow_time
-    half = min(slow_time, max(_WINDOW, 10 / sqrt(stokes)) / speed)
-    # The number of rows, 12001, and the tolerance, 1e-10, are estimates. They suffice, as |L|² lies on
+    half = min(0.5 * slow_time, max(_WINDOW, 10 / sqrt(stokes)) / speed)
+    # The number of rows, 16001, and the tolerance, 1e-10, are estimates. They suffice, as |L|² lies on
     # a parabola between rows, and the numbers are judged to 2 %.
-    times = np.concatenate([[0.0], stokes * (slow_time + half * np.linspace(-0.999, 2.0, 12001))])
+    times = np.concatenate([[0.0], stokes * (slow_time + half * np.linspace(-1.998, 2.0, 16001))])
     run = run_form(find_form(form), _scene(kappa, stokes, phi, times[-1] / stokes), times, 1e-10)
     squares = np.sum(run.slow[:, :3] ** 2, axis=1)
     # L moves on a straight line where |L| is smallest, so that |L|² lies on a parabola. Its vertex,
     # between samples, is the smallest value.
-    place = int(np.clip(np.argmin(squares), 1, len(squares) - 2))
+    place = int(np.argmin(squares))
+    # The first row is the start, the second one begins the window.
+    if not 1 < place < len(squares) - 1:
+        raise ValueError(
+            f"the smallest |L| lies at an end of the window: κ = {kappa}, St = {stokes:g}"
+        )
     before, least, after = squares[place - 1 : place + 2]
     return sqrt(max(0.0, least - (after - before) ** 2 / (8 * (before - 2 * least + after))))
 
