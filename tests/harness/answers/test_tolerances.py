@@ -126,8 +126,9 @@ def test_hybrid_is_not_run_where_its_plan_is_a_full_run(monkeypatch):
 def test_a_forecast_is_put_right_by_a_run_of_the_scene():
     """The forecast of this scene is 140 times the error, so the tolerance was 200 times too tight."""
     question = questions(9402, 44)[43]
-    first = pick(question.scene, question.error, question.want, question.samples).ranking[0]
-    assert first.reason.startswith("its run at")
+    found = pick(question.scene, question.error, question.want, question.samples)
+    # `hybrid` may be as quick.
+    first = next(row for row in found.ranking if row.reason.startswith("its run at"))
     method = Method(form(first.form), solver(first.solver))
     run = runner(question.scene).run(method, first.tolerance)
     made = true_error(question.scene, run, question.want)
