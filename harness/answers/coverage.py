@@ -41,7 +41,8 @@ from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import solver as find_solver
 
-# Version of the rows in the store: rows of another one are measured anew.
+# Version of the rows in the store: rows of another one are measured anew. A sort of scenes or a group that is added
+# changes the random numbers of others: raise it then.
 _SCHEMA = 7
 # Times at which a solution is compared with its reference: many more than statements are made at. An estimate.
 COMPARED_TIMES = 2001
@@ -350,7 +351,7 @@ def _reference(scene: Scene) -> tuple[Observables, dict[str, float]]:
 
 
 def _axes(random: np.random.Generator, spheroid: bool) -> tuple[float, float, float]:
-    """Semi-axes along the body axes, in random order: the longest is 1, the others are 0.1 to 0.955."""
+    """Semi-axes along the body axes, in random order: the longest is 1, shorter ones are 0.1 to 0.955."""
     middle, short = sorted(10 ** random.uniform(*_AXES, 2), reverse=True)
     if not spheroid:
         axes = (1.0, middle, short)
@@ -531,7 +532,7 @@ class Answers(NamedTuple):
     runs: int
     met: int
     bound: float  # upper end of the 95 % interval of the share that missed
-    alarms: int  # met, and said to be perhaps missed
+    alarms: int  # met, and said to be perhaps missed, or without a stated error
     silent: int  # no error stated
 
 
@@ -621,6 +622,7 @@ def _fitted_factors(rows: Sequence[Record]) -> dict[str, dict[str, dict[str, lis
                 continue
             high = row[f"{want}_stated"][_HIGH]
             apart = row[f"{want}_apart"]
+            # An end that was cut at π tells no factor.
             if want == "orientation" and high >= pi:
                 continue
             # The factor multiplies the difference alone, not the additions for rounding and luck: these
@@ -660,7 +662,7 @@ def _worst_of_scenes(members: Sequence[_Ratio]) -> list[_Ratio]:
 
 
 def _upper_end(members: Sequence[_Ratio]) -> float:
-    """The upper end of all ratios with its margin, or the share of a sort that statements claim if that is larger.
+    """The upper end of all ratios, with its margin, or that of a sort of scenes, without one, if it is larger.
 
     So no sort of scenes is outvoted by the others.
     """
