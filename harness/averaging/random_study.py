@@ -72,6 +72,9 @@ BODIES = {
     1e7: 60,
     1e8: 20,
 }
+# How many more bodies a kind has at an St, in place of those whose two references do not confirm each other: the
+# bodies 45 and 54 of the kind "crosses".
+REPLACED = {("crosses", 1e6): 1, ("crosses", 1e7): 1}
 # Bodies of each kind by St for a look with `--quick`; an estimate. No quantile counts fewer than
 # `shares.LEAST_BODIES`, 20.
 QUICK_BODIES = dict.fromkeys((1000.0, 1e4), 20)
@@ -190,6 +193,16 @@ def tasks(bodies: dict[float, int], kinds: Iterable[str] = KINDS) -> list[Task]:
         for stokes, count in bodies.items():
             all_tasks += [Task(kind, body, stokes) for body in range(count)]
     return sorted(all_tasks, key=_rank)
+
+
+def whole() -> list[Task]:
+    """All tasks of the study, cheap ones first."""
+    more = [
+        Task(kind, BODIES[stokes] + number, stokes)
+        for (kind, stokes), count in REPLACED.items()
+        for number in range(count)
+    ]
+    return sorted([*tasks(BODIES), *more], key=_rank)
 
 
 def _rank(task: Task) -> float:
@@ -726,7 +739,7 @@ def _day(entry: Record) -> str:
 
 def first_references(data: Data) -> int | None:
     """How many of the study's references a table holds, if these are its first ones but not all."""
-    all_tasks = tasks(BODIES)
+    all_tasks = whole()
     count = len(data.done)
     is_beginning = 0 < count < len(all_tasks) and data.done == set(all_tasks[:count])
     return count if is_beginning else None

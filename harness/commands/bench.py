@@ -463,7 +463,7 @@ def _random_bodies(
             data = restated.restate(store, old, workers=workers, quiet=quiet)
     elif not page_only:
         # Cheap references come first, so that --references and --seconds leave out the long ones.
-        todo = random_study.tasks(random_study.QUICK_BODIES if quick else random_study.BODIES)
+        todo = random_study.tasks(random_study.QUICK_BODIES) if quick else random_study.whole()
         todo = todo[:references]
         with stored(out, resume, what="bodies") as store:
             data = random_study.run(

@@ -180,7 +180,7 @@ def page(data: Data, command: str, laws: dict[str, Any] | None = None) -> str:
         study=random_study,
         # If the data are a part of the study: how many references they have, and how many the study has.
         first=random_study.first_references(data),
-        every=len(random_study.tasks(random_study.BODIES)),
+        every=len(random_study.whole()),
         shares=shares,
         bodies=bodies,
         solver_error=runs["solver_error"],

@@ -148,6 +148,9 @@ def test_tasks_are_cheap_first_and_hold_every_body():
     todo = tasks({100.0: 3, 1e6: 2})
     assert len(todo) == len(set(todo)) == len(KINDS) * 5
     assert todo[0].stokes == 100
+    # Those whose reference fails have others in their place.
+    more = set(random_study.whole()) - set(tasks(random_study.BODIES))
+    assert more == {Task("crosses", 200, 1e6), Task("crosses", 60, 1e7)}
     assert todo[-1].body == 1
     assert todo[-1].stokes == 1e6
     assert len({task.key for task in todo}) == len(todo)
@@ -466,6 +469,7 @@ def test_tables_name_every_commit_that_measured_them(
 
 def test_the_first_references_of_the_study_are_known(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(random_study, "BODIES", {100.0: 2})
+    monkeypatch.setattr(random_study, "REPLACED", {})
     every = tasks({100.0: 2})
     data = planted(lambda kind, body, stokes: 1 / stokes)
     for some, count in ((every[:5], 5), (every[1:5], None), (every, None)):
