@@ -22,7 +22,8 @@ AHEAD = 2
 CONNECT_SECONDS = 30
 # Seconds between two attempts to kill processes that are starting. An estimate: a run may end later by this.
 _STOP_EVERY = 0.1
-# Seconds that a task may take. An estimate: tasks last seconds to minutes, and one that hangs for a day is killed.
+# Seconds that a task should take at most: a process that takes twice as long is killed. An estimate: tasks last
+# seconds to minutes.
 _TASK_SECONDS = 24 * 3600.0
 # Dask's words for a task that runs, or is to run again.
 _UNDER_WAY = ("pending", "lost")
@@ -43,10 +44,10 @@ Engine = Callable[[Callable[[Any], Any], Iterable[Any]], Generator[Finished, Non
 
 1. The function belongs to a module and is pure; a task may be run more than once.
 2. Tasks are taken from their iterable one by one, as there is room for them.
-3. A worker that is killed costs its task a new attempt, not its place; after `worker.ATTEMPTS` the outcome is a
-   message.
+3. A worker that something kills costs its task a new attempt, not its place. After `worker.ATTEMPTS` of them, by
+   Dask after as many as its `allowed-failures` lets, the outcome is a message. So it is at once if the task hung.
 4. An exception of the function is a message, never the end of the run.
-5. Closing the generator (Ctrl-C does) stops everything under way at once.
+5. Closing the generator (Ctrl-C does) stops processes at once; of Dask, tasks that no worker has begun.
 """
 
 
