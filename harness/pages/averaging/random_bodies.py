@@ -169,6 +169,7 @@ def page(data: Data, command: str, laws: dict[str, Any] | None = None) -> str:
         exponents=exponent_rows(analysis.exponents),
         runs=runs,
         least=least_bodies(SHARES[-1]),
+        prolate=_of_all_and_first(runs),
         wide_from=_WIDE,
         wide=[why_wide(row) for row in analysis.exponents if row.width > _WIDE],
         bounded=[_bounded_row(row) for row in sorted(analysis.bounded, key=_place)],
@@ -187,6 +188,18 @@ def page(data: Data, command: str, laws: dict[str, Any] | None = None) -> str:
         target=_SHOWN_TARGET,
         hybrid_error=_HYBRID_ERROR,
     )
+
+
+def _of_all_and_first(runs: Frame) -> tuple[float, float]:
+    """Error times St at St = 1e6 that 97.5 % of prolate bodies stay below by first order: of all, and of the first."""
+    there = runs[
+        (runs["kind"] == "prolate") & (runs["order"] == ORDER_ONE) & (runs["stokes"] == 1e6)
+    ]
+    first = there[there["body"] < random_study.BODIES[1e7]]
+    of_all, of_first = (quantile(part, SHARES[-1]) for part in (there, first))
+    if of_all is None or of_first is None:
+        return nan, nan
+    return 1e6 * of_all.error[0], 1e6 * of_first.error[0]
 
 
 def findings(data: Data, analysis: Analysis) -> list[str]:
