@@ -69,8 +69,9 @@ class Plan:
         """Solve the problem, and look for events.
 
         `watch` gets the record of each segment before it is integrated. Raises ValueError for a mistake in an
-        event, NotAttainableError where no method meets the error requested, and
-        `polhode.solvers.solve.Interrupted` on Ctrl-C.
+        event, NotAttainableError for an error below the rounding of the run, and
+        `polhode.solvers.solve.Interrupted` on Ctrl-C. Where no method meets the error, the solution is that of the
+        best one, and with `estimate` its `error.advice` says so.
         """
         runner = Runner(self.scene, self._times, self.problems)
         self._check(runner, events)

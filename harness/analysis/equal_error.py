@@ -38,7 +38,7 @@ def seconds_to(frame: pd.DataFrame, target: float) -> dict[str, float]:
 
 
 def best_of_families(frame: pd.DataFrame) -> pd.DataFrame:
-    """The rows of one solver of each family: the fastest one at most of `STUDY_TARGETS`.
+    """The rows of one solver of each family: the one that is its fastest at more of `STUDY_TARGETS` than any other.
 
     Each function that the user gives is a family of its own.
     """

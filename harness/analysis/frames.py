@@ -67,7 +67,7 @@ def frame(records: Iterable[Record], columns: Collection[str] = ()) -> pd.DataFr
     """Records as a frame, one row each, with pandas' nullable types.
 
     With `columns` the frame has only these, as far as records have them, and takes less memory. Columns of
-    `_OF_SUCCESSES` are there even if no record has them.
+    `_OF_SUCCESSES` among them are there even if no record has them.
     """
     if columns:
         records = (_picked(record, columns) for record in records)

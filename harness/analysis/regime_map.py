@@ -103,9 +103,9 @@ def _cell(stokes: float, target: float, times: pd.Series, runs: pd.DataFrame, er
 
 
 def _spread(runs: pd.DataFrame, method: Method, target: float, error: str) -> float:
-    """How much the repeats of a method's cheapest run to an error vary, over its time; else 0.
+    """How much the repeats of a method's cheapest run to an error vary, over its time.
 
-    It is 0 too for a method that has no such run, or kept no repeats.
+    It is 0 for a method that has no such run, or kept no repeats.
     """
     if "seconds_spread" not in runs:
         return 0.0

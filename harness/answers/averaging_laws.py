@@ -1,8 +1,9 @@
 """Laws of the error of averaging, read from the study over random bodies (`polhode accuracy`).
 
 A law says that an error falls like a power of 1/St: error = factor / St^power. The file beside this
-module has the powers ("exponents", of St) and the factors ("few" and "most"). It is the study's
-`laws.json`; `polhode accuracy --fit` writes it anew, by `polhode.harness.averaging.laws`.
+module has the powers ("exponents", of St), the factors ("few" and "most"), and the St from which errors
+are met ("from"). It is the study's `laws.json`; `polhode accuracy --fit` writes it anew, by
+`polhode.harness.averaging.laws`.
 """
 
 import json

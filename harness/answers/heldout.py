@@ -1,8 +1,8 @@
 """The held-out test of `pick`: random scenes, the first choice, and every method of the list, all measured.
 
 The best of a scene is the quickest run that met the error: of the listed methods at tolerances by
-tens, and of the first choice itself. The quickest ones and the first choice are timed once more, in
-turns (one after the other in each round), so that what disturbs one disturbs the others.
+tens, and of the first choice itself. The quickest ones, the first choice and the run by rules alone are
+timed again, in turns (one after the other in each round), so that what disturbs one disturbs the others.
 """
 
 from collections.abc import Iterator
@@ -74,7 +74,7 @@ _DECADES = (1, 0, -1, -2, -3, -4, -5)
 # Estimates: a run that was stopped is not the best, even if it was disturbed.
 _STOP = 3.0
 _STOP_SECONDS = 0.05
-# The longest that the first method may take, in seconds; an estimate.
+# The longest that a run may take until one has met the error, in seconds; an estimate.
 _FIRST_SECONDS = 60.0
 # The quickest runs that are timed again, and how often. Estimates: more take longer and are disturbed less.
 _FINALISTS = 4
@@ -331,8 +331,9 @@ def judged(scenes: Any) -> list[Record]:
 
     `scenes` is the frame of `Evaluation`. Its `factor` is the ratio of the times of the first choice and of the
     best run. `met` is the share of scenes whose first choice met the error; a refusal counts as met if no run
-    met the error. `near` is the share of first choices that met the error within `NEAR` times the best. `total`
-    is asking and running over plain practice (`timed.py`), `within` the share of runs in the seconds forecast.
+    met the error. `near` is the share of scenes whose first choice met the error within `NEAR` times the best. `total`
+    is asking and running over plain practice (`timed.py`), `within` the share of scenes
+    whose first choice took seconds in the interval forecast.
     """
     rows = []
     groups = scenes.groupby(scenes["best_seconds"].map(stratum), sort=False)
@@ -371,8 +372,8 @@ def break_even(scenes: Any) -> float:
     """Seconds of the best run from which on asking and running cost less than plain practice; inf if never.
 
     `scenes` is the frame of `Evaluation`.
-    The first such scene, by the seconds of its best run, from which on more than half of the scenes
-    save time.
+    The first scene, by the seconds of its best run, that saves time and from which on more than half of the
+    scenes do.
     """
     with_plain = scenes.dropna(subset=["plain", "best_seconds", "seconds"]).sort_values(
         "best_seconds"

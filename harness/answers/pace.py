@@ -63,7 +63,7 @@ class Pace(NamedTuple):
 
 def pace(method: Method, tolerance: float) -> Pace:
     """The pace of a method, measured in some milliseconds where this process does not know it."""
-    # The cost of a step depends on the tolerance alone where the solver's order follows it.
+    # The cost of a step depends on the tolerance only where the solver's order follows that.
     return _measured(method, tolerance if method.solver.order_by_tolerance else PACED_TOLERANCE)
 
 

@@ -37,7 +37,7 @@ _ANY_STOKES = (-4.0, 6.0)
 # Sizes of the angular velocity of planar starts, in shear rates.
 _PLANAR_SPEEDS = (0.1, 3.0)
 # Rotations of the others, at most: this number times a power of ten of these decades. The share
-# `_FAR_SHARE` of the scenes has ten times more.
+# `_FAR_SHARE` of these scenes has ten times as many.
 _MOST_ROTATIONS = 600.0
 _ROTATIONS_BELOW_MOST = (-1.0, 0.0)
 _FAR_SHARE = 0.1
@@ -111,7 +111,7 @@ def _long(random: np.random.Generator) -> Scene:
 
 
 def _turning(random: np.random.Generator) -> Scene:
-    """Very many rotations, over whatever slow time they take."""
+    """Very many rotations, over a slow time that is drawn too: St follows from both."""
     start = _start(random, 1.0)
     speed = max(_FLOW_SPEED, float(np.linalg.norm(start.angular_velocity)))
     time = 2 * pi / speed * 10 ** random.uniform(*_TURNS)
@@ -120,7 +120,7 @@ def _turning(random: np.random.Generator) -> Scene:
 
 
 def _ordinary(random: np.random.Generator) -> Scene:
-    """Any scene that a user may ask for, within hundreds of rotations."""
+    """Any scene that a user may ask for, mostly within hundreds of rotations."""
     ellipsoid = Ellipsoid(_semi_axes(random))
     limit = random.random()
     stokes = float(10 ** random.uniform(*_ANY_STOKES))

@@ -32,7 +32,7 @@ class RankedRun:
     error: Interval  # of L and E or of the orientation, model error included
     seconds: Interval  # of a run of what is compiled
     first_run_seconds: float  # the same with what this process took to compile
-    tied: bool  # whether there are several whose times are within `race.TIED` of the first one's
+    tied: bool  # whether it is one of several whose times are within `race.TIED` of the first one's
     reason: str  # how error and seconds are known
 
 
@@ -60,7 +60,7 @@ class Recommendation:
 
     @cached_property
     def excluded(self) -> tuple[Excluded, ...]:
-        """All methods of the catalogues that are not ranked, and why."""
+        """All methods of the catalogues that are not ranked, and why; without a scene `refused` alone."""
         named = {(row.form, row.solver) for row in (*self.ranking, *self.refused)}
         pairs = list(product(FORMS, SOLVERS)) if self.scene else []
         unranked = [pair for pair in pairs if pair not in named]

@@ -36,7 +36,7 @@ class NotAttainableError(ValueError):
 
 
 def check_request(error: float, want: str) -> None:
-    """Raise ValueError for an error that is no positive number or too large, or one of a thing unknown."""
+    """Raise ValueError for an error that is no positive number or too large, or for an unknown `want`."""
     require_numbers("error", error)
     if not 0 < float(error) <= MAX_NUMBER:
         raise ValueError(

@@ -19,8 +19,8 @@ from polhode.models.scene import Scene
 from polhode.models.spent import SPENT
 from polhode.solvers.contract import UNLIMITED
 
-# The error of a reference is at most this share of the one requested, so that the other half is left
-# to the methods; an estimate.
+# The error of a reference is at most this share of the one that a method may have on the segment, so that the
+# other half is left to the methods; an estimate.
 KNOWN_SHARE = 0.5
 # A difference that grows by a larger power of time tells of chaos: without chaos the power is 2 at
 # most, the orientation's (`forecast.RacedSegment.growth`). The margin is an estimate.
@@ -38,7 +38,7 @@ def in_tables(form: Form) -> bool:
 
 
 class Remembering(Runner):
-    """A runner that makes no run twice, and keeps their seconds."""
+    """A runner that makes no successful run twice, and keeps the runs' processor seconds."""
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene, INNER * scene.time)
@@ -87,7 +87,7 @@ class Segment:
         self.looked = False  # Whether the reference has been looked for.
 
     def find_reference(self) -> None:
-        """Run the usual method until its error is confirmed; on the scene itself where its beginning tells nothing."""
+        """Run the usual method until its error is confirmed; on the scene itself where the segment tells nothing."""
         if self.looked:
             return
         self.looked = True

@@ -158,7 +158,7 @@ def plain_practice(
 def study(ask: Ask, seed: int, scenes: int, quiet: bool = False) -> Iterator[Timing]:
     """Time answers and plain practice on random scenes, those that plain practice solves.
 
-    `scenes` is their number; a bar shows the progress unless `quiet`.
+    `scenes` is the number that is drawn; a bar shows the progress unless `quiet`.
     """
     # Numbers from `scenes` on: no timed scene is among them.
     for index in range(_WARM_UP):

@@ -118,7 +118,7 @@ class FullMethod(NamedTuple):
 
 @dataclass(frozen=True)
 class HybridError:
-    """One run of a random start: errors of L and E over I_max, of the orientation in rad; NaN without a reference."""
+    """One run of a random start: errors of L and E over I_max, of the orientation in rad; NaN if the run failed."""
 
     start: int  # its number in the sequence
     kind: str  # of the shape
@@ -134,7 +134,8 @@ class HybridError:
     full_share: float  # share of the time that the full equations follow
     # Number of segments. Older tables have it under another name.
     segments: int = field(metadata={"former": "pieces"})
-    # 1 if the body ends the same side up as in the reference, 0 if not, NaN if that is uncertain.
+    # 1 if the body ends the same side up as in the reference, 0 if not. NaN if the run failed, the reference has
+    # not settled (`_SETTLED`), or its orientation is uncertain.
     mirror: float
 
 
@@ -145,7 +146,7 @@ class Speed:
     start: int  # its number in the sequence
     kind: str  # of the shape
     stokes: float
-    slow: float  # error of L and E of the hybrid run, over I_max; NaN without a reference
+    slow: float  # error of L and E of the hybrid run, over I_max; NaN if it failed or has no reference
     full_share: float  # share of the time that the full equations follow
     seconds: float  # of the hybrid run with HYBRID_SAMPLES output times
     few_seconds: float  # of the hybrid run with FEW_SAMPLES output times

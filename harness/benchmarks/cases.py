@@ -39,7 +39,8 @@ from polhode.solvers.contract import Status
 # between are shorter here than there.
 _SLOW_TIME_FROM = 1.0
 _SLOW_TIME = 0.5  # Slow time from that St on, as in `suite.toml`.
-_SHEAR_TIMES = 20.0  # Inverse shear rates below that St, as on the regime map.
+# Inverse shear rates below that St and at St = inf, at most; as on the regime map.
+_SHEAR_TIMES = 20.0
 # Most relaxation times, each of St inverse shear rates, as of the stiff scenes in `suite.toml`: the
 # reference of a stiff scene costs seconds.
 _RELAXATION_TIMES = 2000.0

@@ -180,8 +180,8 @@ def stored(
 ) -> Iterator["Store"]:
     """FOLDER/NAME.sqlite, made with its folder, open; a run that starts afresh moves the last one's aside.
 
-    Errors in the block become RunFailed or BadInput: one line, with how to go on. `what` names there what is
-    finished.
+    Errors in opening it become BadInput or RunFailed, errors in the block RunFailed, in one line. `what` names
+    there what is finished.
     """
     from polhode.harness.common.store import DamagedStoreError, Store, set_aside
     from polhode.harness.common.worker import KilledFromOutsideError

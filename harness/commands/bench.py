@@ -557,7 +557,7 @@ def sweep(
         engine = _engine(workers, dask)
     # Whether to go on was settled above, so that no store is moved aside here: others may be at work on it.
     with stored(folder, resume=True, what="tasks") as store:
-        # In random order, as other runs may take tasks from the same store.
+        # With --resume in random order, as other runs may take tasks from the same store.
         tally = run_sweep(sweep_plan, store, engine, quiet=quiet, spread=resume)
         if tally.failed:
             raise RunFailed(

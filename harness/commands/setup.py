@@ -88,7 +88,7 @@ def doctor(as_json: bool) -> None:
 
 
 def examine() -> dict[str, Any]:
-    """All that `polhode doctor` shows; takes a little longer than `_WATCH_SECONDS`."""
+    """All that `polhode doctor` shows; takes `_WATCH_SECONDS` and a cold start."""
     from polhode.harness.common.machine import machine, versions
     from polhode.harness.common.wheels import why_missing
     from polhode.harness.pages.tables import templates

@@ -248,7 +248,7 @@ def _run(
             try:
                 solution = planned.run(watch)
             except Interrupted as interruption:
-                # A run that reached its end lacks its error alone.
+                # A run that is interrupted while it is confirmed has all rows: it lacks its error alone.
                 solution = planned.observed(interruption.solution)
             progress.begin("writing")
             if file:

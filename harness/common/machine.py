@@ -30,8 +30,8 @@ _PACKAGES = (
     "pandas",
     "matplotlib",
 )
-# Folders and files of a clone whose changes change numbers: pages may change. Files that git does not
-# know yet are not looked at, the digest of the code has them.
+# Folders and files of a clone whose changes change numbers: changes of others, such as reports, do not count.
+# Files that git does not know yet are not looked at, the digest of the code has them.
 _CODE = ("models", "solvers", "harness", "polhode", "pyproject.toml", "constraints.txt")
 _CHANGED = " with changes"
 # Hexadecimal digits that name a commit on a page. An estimate: among 1,000,000 commits another one begins
@@ -135,7 +135,7 @@ def here(**more: Any) -> dict[str, Any]:
 def provenance(command: str, records: Sequence[Mapping[str, Any]]) -> list[str]:
     """Lines that say how a page was made: by which command, when, on which machines, with which versions and commits.
 
-    Records without a date, a machine or a digest of the code leave it out.
+    Where no record has a date or a machine, the line says that it is unknown. A digest is left out if there is none.
     """
     machines = dict.fromkeys(_place(record) for record in records if "machine" in record)
     makers = dict.fromkeys(map(_maker, records)) or [Maker("", "")]
@@ -214,7 +214,7 @@ def dates(records: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _took(records: Sequence[Mapping[str, Any]]) -> str:
-    """Words on the minutes from the first record to the last, pauses left out; empty below two minutes."""
+    """Words on the minutes from the first record to the last, pauses left out; empty below `_LEAST_MINUTES`."""
     # Some records name a day alone: its beginning stands for it.
     dates = [datetime.fromisoformat(record["date"]) for record in records if record.get("date")]
     times = sorted(date if date.tzinfo else date.replace(tzinfo=UTC) for date in dates)

@@ -1,8 +1,8 @@
-"""Messages on standard error about work that takes longer than a second.
+"""Messages on standard error about work that may take long.
 
 On a terminal, one line that is rewritten: the work, its share done, and the time remaining.
 Elsewhere, as in a pipe or a log, whole lines: `Progress` writes one note on a long run, `Steps` one
-line at the start and one a minute.
+line at the start, if it knows the total, and one a minute.
 """
 
 import sys
@@ -48,7 +48,10 @@ _STEPS_WITHOUT_TOTAL = "{desc}: {n_fmt} {unit}, {elapsed}{postfix}"
 
 
 def expectation(done: float, seconds: float) -> str:
-    """Words on the duration of a run whose share `done`, from 0 to 1, took `seconds`; empty if that is not long."""
+    """Words on the duration of a run whose share `done`, from 0 to 1, took `seconds`; empty if that is not long.
+
+    Without a share done, they say that the run has hardly begun.
+    """
     if not done > 0:
         return f"it has hardly begun after {duration(seconds)}"
     expected = seconds / done

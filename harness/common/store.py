@@ -185,7 +185,7 @@ class Store(AbstractContextManager["Store"]):
             yield
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
             # An OperationalError is about the place, such as a full disk, unless its words are about the
-            # contents. All other errors are.
+            # contents. All other errors are about the contents.
             contents = any(word in str(error) for word in ("table", "column", "malformed"))
             if isinstance(error, sqlite3.OperationalError) and not contents:
                 raise OSError(

@@ -1,7 +1,8 @@
 """Numbers and tables as people read them: one convention for tables, figures, terminal and site.
 
 Powers of ten are plain: 1e-4, neither 1e-04 nor 0.0001 nor 10⁻⁴; a number below 1e-3 or from 1e5 on
-has an exponent. Fields of texts have the functions as formats, as in "{seconds:time}": `WORDING`.
+has an exponent, a measured size in two digits (`scientific`) always has one.
+Fields of texts have the functions as formats, as in "{seconds:time}": `WORDING`.
 """
 
 import sys
@@ -165,7 +166,7 @@ def factor(value: float) -> str:
 
 
 def duration(seconds: float | None) -> str:
-    """A duration in two digits with its unit; a dash where there is none."""
+    """A duration with its unit, with one digit behind the point below ten of it; a dash where there is none."""
     if seconds is None or isnan(seconds):
         return "–"
     if seconds == 0:
