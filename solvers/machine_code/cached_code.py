@@ -1,4 +1,4 @@
-"""heyoka's machine code on disk with a checksum of every entry: damaged code is never run.
+"""heyoka's machine code on disk, with checksums of its entries: code that does not match is not run.
 
 heyoka keeps its code in the SQLite database ``cache.db``: the table ``cache`` has a row for each
 piece of code, the key of which is the column ``hash``. Beside it ``sums.json`` holds the CRC-32 of
@@ -31,10 +31,10 @@ _NAME = 1
 def check(folder: Path) -> bool:
     """Make the folder private, and drop what it holds if an entry does not match its checksum.
 
-    False if the folder is of no use: it cannot be written, or holds what can neither be read nor
-    dropped.
+    False if the folder is of no use: it cannot be written, another process has locked its database, or it
+    holds what can neither be read nor dropped.
     """
-    from sqlite3 import DatabaseError
+    from sqlite3 import SQLITE_BUSY, SQLITE_LOCKED, DatabaseError
 
     with suppress(OSError):
         make_private(folder)
@@ -45,6 +45,8 @@ def check(folder: Path) -> bool:
         noted = _noted_checksums(folder)
         checksums = _checksums(folder)
     except DatabaseError as error:
+        if error.sqlite_errorcode in (SQLITE_BUSY, SQLITE_LOCKED):
+            return False
         reason = str(error)
     else:
         if all(noted.get(key, checksum) == checksum for key, checksum in checksums.items()):
@@ -103,9 +105,12 @@ def _checksums(folder: Path, known: Container[str] = ()) -> dict[str, int]:
         for key in keys:
             if str(key) in known:
                 continue
-            entry = database.execute(f"SELECT {summed} FROM cache WHERE hash = ?", (key,))
+            entry = database.execute(
+                f"SELECT {summed} FROM cache WHERE hash = ?", (key,)
+            ).fetchone()
             # Another process may have dropped it since.
-            checksums[str(key)] = _checksum(entry.fetchone() or ())
+            if entry is not None:
+                checksums[str(key)] = _checksum(entry)
         return checksums
 
 

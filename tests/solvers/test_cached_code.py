@@ -4,7 +4,13 @@ import stat
 import subprocess
 import sys
 from contextlib import closing
+from functools import partial
 from pathlib import Path
+from typing import Any
+
+import pytest
+
+from polhode.solvers.machine_code import cached_code
 
 CODE = """
 from polhode.models.problem import Problem
@@ -53,3 +59,47 @@ def test_code_with_a_flipped_bit_is_dropped_and_compiled_anew(tmp_path: Path):
         assert run(tmp_path) == (expected[0], complaint)
         assert run(tmp_path) == expected
         database.write_bytes(b"no database")
+
+
+def cached(folder: Path) -> Path:
+    """A database of machine code with one entry."""
+    database = folder / "cache.db"
+    with closing(sqlite3.connect(database)) as kept:
+        kept.execute("CREATE TABLE cache (hash INTEGER, obj BLOB)")
+        kept.execute("INSERT INTO cache VALUES (1, x'c3')")
+        kept.commit()
+    return database
+
+
+def test_a_database_that_another_process_holds_is_not_taken_for_damaged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    database = cached(tmp_path)
+    # No wait for the other one: SQLite's own limit is 5 s.
+    connect = sqlite3.connect
+    monkeypatch.setattr(sqlite3, "connect", partial(connect, timeout=0))
+    with closing(connect(database)) as other:
+        other.execute("BEGIN EXCLUSIVE")
+        assert not cached_code.check(tmp_path)
+    assert database.exists()
+    assert cached_code.check(tmp_path)
+    assert capsys.readouterr().err == ""
+
+
+def test_an_entry_that_another_process_drops_meanwhile_gets_no_checksum(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    database = cached(tmp_path)
+
+    class Dropping(sqlite3.Connection):
+        def execute(self, sql: str, *parameters: Any) -> sqlite3.Cursor:
+            if "WHERE hash" in sql:
+                with closing(connect(database)) as other:
+                    other.execute("DELETE FROM cache")
+                    other.commit()
+            return super().execute(sql, *parameters)
+
+    connect = sqlite3.connect
+    monkeypatch.setattr(sqlite3, "connect", partial(connect, factory=Dropping))
+    cached_code.note(tmp_path)
+    assert not (tmp_path / "sums.json").exists()
