@@ -4,12 +4,10 @@ The study's references take hours, its statements minutes. `polhode accuracy --r
 factors of statements, or the estimates of the theory, have changed. Errors stay as they were measured.
 """
 
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import nullcontext, suppress
+from collections.abc import Callable, Generator, Iterable
+from contextlib import closing, suppress
 from math import isnan
-from multiprocessing import get_context
-from typing import Any
+from typing import Any, NamedTuple
 
 from polhode.harness.answers.fitted import factors
 from polhode.harness.averaging.bodies import drawn
@@ -34,11 +32,21 @@ from polhode.models.catalogue import form as find_form
 from polhode.models.form import FormNotValidError
 from polhode.models.hybrid.form import Hybrid
 
+# Runs a function on tasks, as `polhode.harness.ensembles.engines.Engine` says; the outcomes have a task, a value
+# and a message.
+_Engine = Callable[[Callable[[Any], Any], Iterable[Any]], Generator[Any, None, None]]
 # Columns of the table of errors that are made anew.
 _COLUMNS = [*columns_up_to("bound"), *columns_up_to("turned_bound")]
 
 
-def restate(store: Store, old: Data, *, workers: int = 0, quiet: bool = False) -> Data:
+class _Runs(NamedTuple):
+    """The runs of one task whose statements are made anew."""
+
+    key: str  # in the store
+    rows: list[Record]  # in the table of errors
+
+
+def restate(store: Store, old: Data, engine: _Engine, *, quiet: bool = False) -> Data:
     """The tables of a study with today's statements.
 
     Parameters
@@ -47,34 +55,37 @@ def restate(store: Store, old: Data, *, workers: int = 0, quiet: bool = False) -
         Takes every finished task, so that an interrupted run goes on.
     old : Data
         The study.
-    workers : int
-        Processes; 0 for this one alone.
+    engine : Callable
+        Runs the tasks, as `polhode.harness.ensembles.engines` says.
     quiet : bool
         Show no progress.
+
+    Raises
+    ------
+    RuntimeError
+        If a task failed; the message names it.
     """
     errors = old.errors.copy()
     # What `random_study.measure` states: of all runs by `hybrid`, and of averaged runs at some St.
     hybrid = errors["form"] == Hybrid.name
     stated = hybrid | (errors["stokes"].isin(STATED_STOKES) & (errors["body"] < STATED_BODIES))
     ended = errors[columns_up_to("slow")].notna().any(axis=1)
-    # By the key of a task in the store: where its rows are in the table, and the rows.
+    # Where the rows of a task are in the table, by its key in the store.
     places = {}
-    rows = {}
+    left = []
+    known = store.keys()
     for task, group in errors[stated & ended].groupby(TASK_COLUMNS):
         key = digest(["restated", factors(), *task])
         places[key] = group.index
-        rows[key] = group.to_dict("records")
-    known = store.keys()
-    left = [key for key in rows if key not in known]
-    pool: Any = nullcontext()
-    if workers:
-        pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
-    with Steps("statements", len(left), "tasks", quiet) as progress, pool as executor:
-        in_turn = executor.map if workers else map
-        for key, statements in zip(
-            left, in_turn(_stated, [rows[key] for key in left]), strict=True
-        ):
-            store.put(key, {}, {"statements": statements, **surroundings()})
+        if key not in known:
+            left.append(_Runs(key, group.to_dict("records")))
+    progress = Steps("statements", len(left), "tasks", quiet)
+    with progress, closing(engine(_stated, left)) as outcomes:
+        for runs, statements, message in outcomes:
+            if message:
+                kind, body, stokes = (runs.rows[0][name] for name in TASK_COLUMNS)
+                raise RuntimeError(f"{kind} {body} at St = {stokes:g}: {message}")
+            store.put(runs.key, {}, {"statements": statements, **surroundings()})
             progress.advance()
     records = [record for record in store if record["key"] in places]
     for record in records:
@@ -83,13 +94,10 @@ def restate(store: Store, old: Data, *, workers: int = 0, quiet: bool = False) -
     return old._replace(errors=errors, timed=timed_of(records, old))
 
 
-def _stated(rows: Sequence[Record]) -> list[dict[str, float]]:
-    """What `solve` states of the runs of one task, in their columns; none of a run that states nothing.
-
-    The rows are those of the table of errors.
-    """
+def _stated(runs: _Runs) -> list[dict[str, float]]:
+    """What `solve` states of the runs of one task, in their columns; empty for a run that states nothing."""
     statements = []
-    for row in rows:
+    for row in runs.rows:
         task = Task(row["kind"], row["body"], row["stokes"])
         body = drawn(task.kind, task.body)
         statement: dict[str, float] = {}

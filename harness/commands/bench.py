@@ -411,6 +411,9 @@ def accuracy(
             raise ValueError(
                 "--quick, --part, --page-only, --restate: got several of them, expected one"
             )
+        for name in ("seconds", "references"):
+            if how["restate"] and how[name] is not None:
+                raise ValueError(f"--{name}: got it with --restate, which makes no references")
         if part and part not in ACCURACY_PARTS[order]:
             fitting = next(
                 fitting_order for fitting_order, parts in ACCURACY_PARTS.items() if part in parts
@@ -457,14 +460,17 @@ def _random_bodies(
             old = random_study.read_data(out)
         make_folder(out)
     data = old
-    workers = _cores() if workers is None else workers
     if restate and old:
         with stored(out, resume, "restated", "statements") as store:
-            data = restated.restate(store, old, workers=workers, quiet=quiet)
+            try:
+                data = restated.restate(store, old, _engine(workers, None), quiet=quiet)
+            except RuntimeError as error:
+                raise RunFailed(f"{error}; --resume goes on") from None
     elif not page_only:
         # Cheap references come first, so that --references and --seconds leave out the long ones.
         todo = random_study.tasks(random_study.QUICK_BODIES) if quick else random_study.whole()
         todo = todo[:references]
+        workers = _cores() if workers is None else workers
         with stored(out, resume, what="bodies") as store:
             data = random_study.run(
                 store,

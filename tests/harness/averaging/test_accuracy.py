@@ -19,7 +19,7 @@ from polhode.harness.answers.confirmed import confirmation
 from polhode.harness.answers.rules import Method
 from polhode.harness.answers.runs import Runner
 from polhode.harness.api import plan
-from polhode.harness.averaging import laws as laws_module, random_study, shares
+from polhode.harness.averaging import laws as laws_module, random_study, restated, shares
 from polhode.harness.averaging.bodies import KINDS, STRONG_KICK, Body, drawn
 from polhode.harness.averaging.laws import laws_of
 from polhode.harness.averaging.random_study import (
@@ -567,6 +567,31 @@ def test_the_command_measures_writes_and_goes_on(tmp_path: Path, monkeypatch: py
     )
 
 
+def test_statements_are_made_anew_and_errors_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    measured = tables_of([measure(Task("oblate", 10, 1e4))], TIMED)
+    bounds = [name for name in measured.errors if "bound" in name]
+    assert measured.errors[bounds].notna().any(axis="columns").all()
+    # Tables are written in few digits.
+    write_data(measured, tmp_path)
+    expected = read_data(tmp_path).errors
+    lost = measured.errors.copy()
+    lost[bounds] = nan
+    write_data(measured._replace(errors=lost), tmp_path)
+    options = ["accuracy", "--restate", "--quiet", "--workers", "0", "--out", str(tmp_path)]
+
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError("planted")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(restated, "stated_of", fail)
+        outcome = runner().invoke(polhode, options)
+    assert outcome.exit_code == 1
+    assert "oblate 10 at St = 10000: ZeroDivisionError: planted; --resume goes on" in outcome.stderr
+    outcome = runner().invoke(polhode, [*options, "--resume"])
+    assert outcome.exit_code == 0, outcome.output
+    pd.testing.assert_frame_equal(read_data(tmp_path).errors, expected)
+
+
 def test_the_command_refuses_what_it_cannot_do(tmp_path: Path):
     def told(*options: str) -> tuple[int, str]:
         outcome = CliRunner().invoke(polhode, ["accuracy", "--out", str(tmp_path / "a"), *options])
@@ -583,6 +608,10 @@ def test_the_command_refuses_what_it_cannot_do(tmp_path: Path):
         code, text = told("--order", "2", option, "0")
         assert code == 2
         assert f"{option}: got it with --order 2, expected --order all" in text
+    for option in ("--seconds", "--references"):
+        code, text = told("--restate", option, "1")
+        assert code == 2
+        assert f"{option}: got it with --restate, which makes no references" in text
     code, text = told("--seconds", "0", "--workers", "0", "--quick", "--quiet")
     assert code == 1
     assert "no body was finished, expected more time" in text
