@@ -153,11 +153,9 @@ def _surrogate_difference(runner: Runner, exact: Run, turns: float) -> tuple[np.
     small = Runner(surrogate, np.array([0.0, surrogate.time]))
     full = _ended(small.run(full_method(surrogate), SHARP, MAX_STEPS), "the surrogate's run")
     apart = difference(scene.ellipsoid, exact.observables, full.observables)
-    if crosses(scene, exact.observables):
-        return apart.slow * ratio ** power(ORDER_ONE, crosses=True), surrogate.stokes
-    kicks = _kicks(scene)
+    kicks = None if crosses(scene, exact.observables) else _kicks(scene)
     if kicks is None:
-        # The surrogate's error may be a kick, which falls like that of a crossing.
+        # The surrogate's error may be a crossing's or a kick: both fall like 1/√St.
         return apart.slow * ratio ** power(ORDER_ONE, crosses=True), surrogate.stokes
     return apart.slow * ratio ** power(ORDER_ONE) + kicks, surrogate.stokes
 

@@ -18,7 +18,7 @@ LAWS_FILE = Path(__file__).with_name("averaging_laws.json")
 ORDER_ONE = "first order"
 ORDER_TWO = "second order"
 FIRST_CROSSING = f"{ORDER_ONE}, crossing"
-# Order of averaging of the forms whose whole run is averaged; `hybrid` is not one of them.
+# Order of averaging by the name of a form that averages its whole run; `hybrid` averages parts.
 ORDERS = {
     "averaged": ORDER_ONE,
     "averaged-spheroid": ORDER_ONE,

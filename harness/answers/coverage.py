@@ -662,9 +662,10 @@ def _worst_of_scenes(members: Sequence[_Ratio]) -> list[_Ratio]:
 
 
 def _upper_end(members: Sequence[_Ratio]) -> float:
-    """The upper end of all ratios, with its margin, or that of a sort of scenes, without one, if it is larger.
+    """The largest of these ends: of all ratios, with a margin, and of the ratios of each sort of scenes, without one.
 
-    So no sort of scenes is outvoted by the others.
+    The end of all ratios is the value that all but `_FITTED_ABOVE` of them stay below; the end of a sort is the value
+    that all but `MOST_MISSED` of its ratios stay below. So no sort of scenes is outvoted by the others.
     """
     by_sort: dict[str, list[float]] = {}
     for member in members:

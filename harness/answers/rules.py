@@ -16,8 +16,8 @@ from polhode.models.scene import Scene, SlowStart
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Solver
 
-# A factor of two in a number called an estimate changes which method or tolerance is tried first, and so the
-# time of an answer. Its error is confirmed all the same.
+# A factor of two in a number called an estimate changes which method or tolerance is tried first, or how soon a
+# search ends, and so the time of an answer. Its error is confirmed all the same.
 
 # The best solver that is installed: of high order where accuracy sets the steps, implicit where
 # stability does.
@@ -36,8 +36,8 @@ _SPLITTING_FROM = 300.0
 HYBRID_LEAST_ERROR = 2e5
 # Steps of a full run that cost as much as the second-order tables of a triaxial shape; an estimate.
 STEPS_OF_TABLES = 600_000
-# Steps of a full run from which on tables of a triaxial shape are made to choose and to confirm: fewer
-# than above, since tables are kept and more runs of the shape may follow. The number is an estimate.
+# Steps of a full run at `PACED_TOLERANCE` from which on tables of a triaxial shape are made to confirm an averaged
+# run: fewer than above, since tables are kept and more runs of the shape may follow. The number is an estimate.
 TABLED_FROM = 50_000
 # Steps of a full run that cost as much as to look ahead along a run and to average it, tables not
 # counted: of 42 random spheroids with more, `hybrid` took 0.01 to 0.75 times as long as splitting.
@@ -49,7 +49,7 @@ _AVERAGED_TOLERANCE = 1e-3
 _SHEAR = 0.5
 # Tolerance of a run whose own error counts for nothing beside the error that it shows. An estimate.
 SHARP = 1e-12
-# The tightest and the loosest first tolerance: near rounding, and one that still sets the steps. Both are
+# The tightest and the loosest tolerance that is tried: near rounding, and one that still sets the steps. Both are
 # estimates.
 TIGHTEST = 1e-15
 LOOSEST = 1e-2
@@ -71,7 +71,7 @@ def rotations(scene: Scene) -> float:
 
     The spin is taken to fall from its start ω₀ to the flow's rate as rate + (ω₀ - rate) exp(-S t/T). S is the
     damping times in the run's time T: in the mean over the run the exponential is (1 - exp(-S))/S.
-    `references.rotations` counts along the motion instead, and takes milliseconds.
+    `references.rotations` counts along the motion instead, and takes milliseconds to tenths of a second.
     """
     rate = _SHEAR if scene.flow is None else scene.flow.rate
     if isinstance(scene.start, SlowStart):

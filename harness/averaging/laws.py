@@ -59,9 +59,9 @@ def laws_of(data: Data) -> dict[str, Any]:
 
     Keys: "exponents" has the exponent of each law that is to be used, "measured" what was measured of it.
     "few" and "most" have the factors of a law that 2.5 % and 97.5 % of the errors stay below. "from" has, by
-    order, kind and error, the St from which on half and 97.5 % of the bodies meet the error, then the ends of
-    the interval of the last one; None where that is unknown. Errors are of L and E, under TURNED of the
-    orientation by second order.
+    order, kind and error, four St, each None where unknown. Half of the bodies meet the error from the first on,
+    97.5 % from the second on; the third and the fourth are the ends of the second's interval. Errors are of L
+    and E, under TURNED of the orientation by second order.
     """
     runs = at(data, STUDIED_SLOW_TIMES[-1])
     measured, exponents = _exponents(runs)

@@ -98,7 +98,7 @@ class Needed(NamedTuple):
     high: float
 
 
-UNKNOWN = Needed(nan, "never", nan, nan)
+_UNKNOWN = Needed(nan, "never", nan, nan)
 
 
 @dataclass(frozen=True)
@@ -447,7 +447,7 @@ def all_needed(
     there = runs[(runs["kind"] == kind) & (runs["order"] == order)]
     errors = quantile(there, share, column)
     if errors is None:
-        return [UNKNOWN for _ in targets]
+        return [_UNKNOWN for _ in targets]
     exponent: float | None = THEORY[order]
     if column == "turned":
         # Kicks of resonances turn the body ever further as St grows.

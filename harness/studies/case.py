@@ -60,9 +60,9 @@ class Case:
     # By default the solver's first back end and first Jacobian.
     backend: Backend | None = None
     jacobian: Jacobian | None = None
-    # The three below are not compared, as they change no result: tags of the scene in its study,
+    # The three below are neither compared nor in the key: tags of the scene in its study,
     tags: tuple[str, ...] = field(default=(), compare=False)
-    # seconds that the reference may take,
+    # seconds that the reference may take (without a reference there are no errors),
     reference_seconds: float = field(default=inf, compare=False)
     # and whether the first run counts right-hand sides, which is slow.
     counted: bool = field(default=True, compare=False)
@@ -163,7 +163,8 @@ def judge(case: Case, record: Record, states: np.ndarray) -> Record:
     is None. In chaotic motion, errors count up to `meaningful_until`, and `statistics_distance`
     compares the distributions over the whole run. `worst_time` is the time of the largest error of L
     and E. `certified_pieces` counts the segments by which the reference was confirmed, and `errors`
-    has all fields of `Errors`. A failed run has `slow_error_so_far` alone.
+    has all fields of `Errors`. A run that did not reach its end
+    has `slow_error_so_far` alone.
 
     Without a reference of the full equations the record gains no more than the reason, `reference_failed`.
     Without one of an averaged form it has that reason besides, and no `solver_*` and `model_*`.
