@@ -207,10 +207,8 @@ class Jeffery(Form):
     """State (q₀, q₁, q₂, q₃): inertia is gone, the angular velocity follows from the orientation."""
 
     name = "jeffery"
-    summary = (
-        "St = 0: orientation alone, with Jeffery's angular velocity; closed form for spheroids"
-    )
-    valid_for = "St = 0, every ellipsoid; closed form (solver 'exact') for spheroids and spheres"
+    summary = "St = 0: orientation alone, with Jeffery's angular velocity; closed form for spheroids in simple shear"
+    valid_for = "St = 0, every ellipsoid; closed form (solver 'exact') for spheroids and spheres in simple shear"
     state = ("q0", "q1", "q2", "q3")
     orientation = "full"
     any_flow = True
