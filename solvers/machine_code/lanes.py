@@ -1,7 +1,7 @@
 """Maps of states, repeated in machine code with one particle in each SIMD lane.
 
-A map is a straight line of arithmetic, traced like a vector field; its lines serve vectors of
-doubles as they are.
+A map is a straight line of arithmetic, traced like a vector field. `program.widened` makes each of its
+lines one about vectors. Maps use arithmetic and the operations that LLVM has for vectors.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,7 +27,9 @@ class Lanes:
     def march(self, starts: np.ndarray, rows: int, constants: np.ndarray, steps: int) -> np.ndarray:
         """States in lanes, shape (groups, rows, d, width).
 
-        A group is `width()` particles, moved at once. `steps` maps lead from each row to the next.
+        A group is `width()` particles, moved at once. From each row to the next come the map `before`,
+        `steps` times the map that is stepped, and the map `after`. `constants` are doubles one behind
+        another, as many as `lanes` was told: nothing checks that.
 
         The last of the starts, shape (n, d), fills the lanes that are left over.
         """
@@ -57,7 +59,7 @@ def lanes(
 ) -> Lanes:
     """Compile ``step(y, constants) -> y`` over generic numbers.
 
-    The constants are the same for all particles.
+    `constants` is their number; they are the same for all particles.
 
     The map `before` turns a row into the state that is stepped, and `after` turns that state into
     the next row.
@@ -66,7 +68,7 @@ def lanes(
     program = Program("march", "states constants counts", attribute=WIDEST_REGISTERS)
     states, numbers, counts = program.arguments
     steps, rows, groups = counts.load(3)
-    # Each constant in all lanes.
+    # Each constant in all lanes. A number that is computed before a loop exists in the loop, too.
     c = [splat(constant, wide) for constant in numbers.load(constants)]
     y = program.room(dimension, wide)
     with program.times(groups) as group:
@@ -77,5 +79,5 @@ def lanes(
             with program.times(steps):
                 y.store(step(y.load(dimension), c))
             (at + dimension).store(after(y.load(dimension), c) if after else y.load(dimension))
-    # The map runs many times, so that LLVM's highest level is worth its time; an estimate.
+    # LLVM's highest level: an estimate. That long loops gain nothing by it (`compiled`) was not measured for maps.
     return Lanes(compiled(program, level=3)[0], dimension)

@@ -39,8 +39,8 @@ from polhode.solvers.parts.strobe_kernels import (
 _LEAST_TURNS = 1000
 # Least turns of a macro-step over the order of its difference. Each of DOP853's twelve new stages
 # takes as many turns as the order says, half of them backwards; with the three stages that rows
-# need, a macro-step costs fifteen times its order in turns, and eight turns more for the choice of
-# order. At any order that is less than the turns that it covers.
+# need, a macro-step costs fifteen times its order in turns, and eight turns more for each trial of
+# micro-steps. With one trial that is less, at any order, than the turns that it covers.
 _PAYING = 20.0
 # Turns of a segment that is left to splitting where macro-steps do not pay; an estimate.
 _SEGMENT_TURNS = 600.0
@@ -54,6 +54,12 @@ _LONGEST = 4
 _MACRO = 0.1
 _AVERAGING = 0.1
 _MICRO = 0.1
+# Turns of a macro-step beyond what the present period asks for: so the last row mostly lies within the step
+# although the period changes. If it does not, another step follows. An estimate.
+_SPARE_TURNS = 2.0
+# Micro-steps more per turn of the fields that tell the error of micro-steps, and of the next trial. An estimate: the
+# difference shows a third of the error and more, and `_MICRO` leaves room for that.
+_MORE_MICRO_STEPS = 2
 # Micro-steps per turn, at first, at least and at most; estimates.
 _FIRST = 6
 _FEWEST = 4
@@ -134,7 +140,7 @@ class Strobe:
         self.table = dop853()
         # Address of the method's matrix A: machine code takes addresses in less time than arrays.
         self.matrix = self.table.A.ctypes.data
-        # Micro-steps of the run so far.
+        # Micro-steps of the differences so far, without those that close turns or lead to rows.
         self.inner = 0
         # The machine code that the start asks for is compiled now, before a run is timed; the other
         # one is compiled where a run turns out to need it.
@@ -181,7 +187,7 @@ class Strobe:
         """Take a macro-step, fill its rows and return its end; None if averaging does not do.
 
         It does not where no order of the difference errs little enough, or where the step would
-        have fewer turns than `_PAYING` asks for.
+        have fewer turns than `_PAYING` asks for. A step to the end of the run is taken however short it is.
         """
         period = 2 * pi / self.split.rate(point[:-1])
         left = float(record.times[-1] - point[-1])
@@ -207,12 +213,10 @@ class Strobe:
         stages = np.empty((len(self.table.A), len(point)))
         end = np.empty(len(point))
         stages[0] = fields[_ORDERS.index(order)]
-        # A first step has no fewer than twice the turns that pay; an estimate.
+        # A first step has no fewer than twice the turns that pay, unless the run ends before; an estimate.
         turns = setting.turns or max(_FIRST_STEP * memory, 2 * _PAYING * order)
         while True:
-            # Two turns more than the present period asks for: the last row shall lie within the
-            # step although the period changes.
-            turns = float(min(np.ceil(turns), np.ceil(turns_left) + 2))
+            turns = float(min(np.ceil(turns), np.ceil(turns_left) + _SPARE_TURNS))
             if turns < min(_PAYING * order, turns_left):
                 setting.turns = 0.0
                 return None
@@ -263,7 +267,7 @@ class Strobe:
         """States at times within a macro-step from `point` to `end`, shape (n, d).
 
         From the nearest end of a turn a part of a turn leads to each time, in one micro-step more
-        than half a turn takes.
+        than the whole ones in half a turn.
         """
         rows = np.empty((len(times), len(point) - 1))
         rests = np.empty(len(times))
@@ -287,13 +291,11 @@ class Strobe:
             setting.micro = max(_FEWEST, setting.micro - 1)
         while True:
             self.mean(point, setting.micro, fields)
-            # The error of micro-steps shows in differences of order 2, which take a single turn
-            # either way: by two micro-steps more per turn or, at most of them, by two fewer.
-            more = (
-                min(MAX_MICRO_STEPS, setting.micro + 2)
-                if setting.micro < MAX_MICRO_STEPS
-                else MAX_MICRO_STEPS - 2
-            )
+            # The error of micro-steps shows in differences of order 2, which take a single turn either way. They are
+            # compared with those of more micro-steps per turn, at most `MAX_MICRO_STEPS`; at that number, of fewer.
+            more = min(MAX_MICRO_STEPS, setting.micro + _MORE_MICRO_STEPS)
+            if setting.micro == MAX_MICRO_STEPS:
+                more = MAX_MICRO_STEPS - _MORE_MICRO_STEPS
             self.mean(point, more, compared)
             # The fields of order 2 differ by this beyond rounding.
             difference = np.maximum(np.abs(fields[0] - compared[0]) - _ROUNDING, 0.0)
@@ -330,8 +332,9 @@ class Strobe:
     def order(self, fields: np.ndarray, horizon: np.ndarray) -> int | None:
         """The lowest order whose difference errs little enough, by comparison with the next one.
 
-        None if no order does. Order 6 has no next one: going from order 4 to 6 is taken to reduce the
-        error by the factor by which going from order 2 to 4 reduces it.
+        None if no order does. Fields that are NaN give order 6, whose step then fails. Order 6 has no
+        next one: going from order 4 to 6 is taken to reduce the error by the factor by which going from
+        order 2 to 4 reduces it.
         """
         apart = np.maximum(np.abs(fields[:-1] - fields[1:]) - _ROUNDING, 0.0)
         second, fourth = np.max(apart * horizon, axis=1)
@@ -379,18 +382,20 @@ class Strobe:
 
 
 class Stroboscopic(Splitting):
-    """Stroboscopic averaging of order 2, 4 or 6 in 1/St; its cost depends on the slow time alone, not on St.
+    """Stroboscopic averaging of order 2, 4 or 6 in 1/St; at equal slow time its cost hardly grows with St.
 
     Class: heterogeneous multiscale. With the angle turned about L as the independent variable
     torque-free motion is periodic. Central differences of the map of one turn give the averaged
     equations; DOP853 integrates them by macro-steps of whole turns; parts of a turn lead to the
     requested times. Turns are made of micro-steps of one composition, of order (10, 6, 4). Order of
     the difference and micro-steps follow from comparison with the next. Stability: of explicit
-    macro-steps, short against the time of relaxation. Tolerance: error of L/I_e over the whole run,
-    where I_e is the inertia across the symmetry axis; orientation errs by that times the angle
-    turned. Caveat: short runs, and segments where averaging does not hold (L nearly vanishes) or
-    does not pay, are runs of `splitting`. Differences of turns lose digits in proportion to St:
-    1e-10 is the least error at St = 1e8. Error per rotation over tolerance: at most 10; 2 measured.
+    macro-steps, which the control of errors alone bounds: in trials from a tenth to five times the
+    shortest time of relaxation. Tolerance: error of L/I_e over the whole run, where I_e is the
+    inertia across the symmetry axis; orientation errs by that times the angle turned. Caveat: short
+    runs, and segments where averaging does not hold (L nearly vanishes) or does not pay, are runs of
+    `splitting`. Differences of turns lose digits in proportion to St: the least error measured is
+    3e-11 at St = 1e6 (`reports/known-stokes`). Error per rotation over tolerance: at most 10, as of
+    `splitting`; the test of that runs short scenes, which are left to it.
     Source: Calvo, Chartier, Murua and Sanz-Serna, Appl. Numer. Math. 61 (2011) 1077.
     """
 
