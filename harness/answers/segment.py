@@ -19,21 +19,21 @@ from polhode.models.scene import Scene
 from polhode.models.spent import SPENT
 from polhode.solvers.contract import UNLIMITED
 
-# The error of a reference is at most this share of the one that a method may have on the segment, so that the
+# The predicted error of a reference is at most this share of the one that a method may have on the segment, so that the
 # other half is left to the methods; an estimate.
 KNOWN_SHARE = 0.5
 # A difference that grows by a larger power of time tells of chaos: without chaos the power is 2 at
 # most, the orientation's (`forecast.RacedSegment.growth`). The margin is an estimate.
 _MOST_GROWTH = 4.0
 # Steps up to which the look ahead of a form, some ms, counts beside its run. An estimate: a run of more steps takes
-# far longer than that.
+# as long as the look ahead, or longer.
 _FEW_STEPS = 10_000
 # Index in `INNER`, the compared times, of the middle of a segment.
 _MIDDLE = int(np.searchsorted(INNER, 0.5))
 
 
 def in_tables(form: Form) -> bool:
-    """Whether a form needs tables of the shape."""
+    """Whether a form averages to second order: it looks ahead along a run, and needs tables of a triaxial shape."""
     return form.name in ("averaged-second-order", "hybrid")
 
 
@@ -44,11 +44,15 @@ class Remembering(Runner):
         super().__init__(scene, INNER * scene.time)
         self.runs: dict[tuple[Method, float], Run] = {}
         self.seconds: dict[tuple[Method, float], float] = {}
+        self.cold_runs = 0
 
     def run(
         self, method: Method, tolerance: float, max_steps: int = UNLIMITED, watch: Watch = None
     ) -> Run:
-        """Run a method, or return its run."""
+        """Run a method, or return its successful run, whatever `max_steps` is.
+
+        Seconds of compilation are known by wall time alone: beside other work too many are taken off.
+        """
         key = method, tolerance
         if key not in self.runs or not self.runs[key].success:
             compiled = SPENT.seconds["compilation"]
@@ -60,11 +64,15 @@ class Remembering(Runner):
         return self.runs[key]
 
     def paid(self, run: Run, samples: int) -> float:
-        """Seconds of a run at `samples` rows, from the scene to its observables."""
+        """Seconds of a run at `samples` rows, from the scene to its observables.
+
+        The problem is made once for each form: its first run alone pays for that.
+        """
         seconds = self.seconds[run.method, run.tolerance]
         if in_tables(run.method.form) and run.steps < _FEW_STEPS:
-            # The form has looked ahead along this scene already: another run pays for that too.
-            cold = Remembering(unseen(self.scene, 1))
+            # The form may have looked ahead along this scene before: a run of another one pays for that too.
+            self.cold_runs += 1
+            cold = Remembering(unseen(self.scene, self.cold_runs))
             cold.run(run.method, run.tolerance)
             seconds = cold.seconds[run.method, run.tolerance]
         row = pace(run.method, run.tolerance).row
@@ -82,12 +90,18 @@ class Segment:
         self.budget = error / raced.growth(want) / raced.spread
         self.runner = Remembering(raced.scene)
         self.reference: Observables | None = None
-        self.apart = inf  # What the reference is off by, about.
-        self.most = inf  # What it is off by, at most.
+        self.apart = (
+            inf  # Predicted error of the usual run, whether or not it becomes the reference.
+        )
+        self.most = inf  # Upper end of that error.
         self.looked = False  # Whether the reference has been looked for.
 
     def find_reference(self) -> None:
-        """Run the usual method until its error is confirmed; on the scene itself where the segment tells nothing."""
+        """Run the usual method until its error is confirmed.
+
+        A chaotic segment forecasts nothing: then the scene itself is run, however long. If the segment has no
+        reference, the scene is run only if it is short.
+        """
         if self.looked:
             return
         self.looked = True
@@ -105,11 +119,12 @@ class Segment:
     def _confirm(self) -> float:
         """Look for the reference; the power of time with which the difference of its two runs grows.
 
-        The power is log2 of the largest difference in the run over the largest in its first half. It
-        is 0 where the usual method states no error.
+        The power is log2 of the largest difference in the run over the largest in its first half. It is 0
+        where the usual method fails, states no error, or cannot attain the one requested.
         """
         self.reference = None
         self.apart = inf
+        self.most = inf
         try:
             answer = meet(self.runner, [self.usual], self.budget, self.want)
         except NotAttainableError:
