@@ -16,7 +16,7 @@ Array = np.ndarray
 Quaternion = tuple[float, float, float, float]
 
 # Squares of numbers between this one and its inverse neither underflow nor overflow, which they do near
-# 1e-154 and 1e154.
+# 1e-154 and 1e154. The margin keeps the squares of components that are 1e-14 of the largest one. An estimate.
 _SMALLEST_SIZE = 1e-140
 
 
@@ -33,7 +33,10 @@ def quaternion_from_euler(angles: Any, ops: Operations = FLOAT) -> Any:
 
 
 def euler_from_quaternion(q: Quaternion) -> Triple:
-    """Euler angles (θ, φ, ψ) in rad of a unit quaternion; φ = 0 is chosen where θ = 0 or π leaves one free."""
+    """Euler angles (θ, φ, ψ) in rad of a unit quaternion; φ = 0 is chosen where θ = 0 or π leaves one free.
+
+    θ lies in [0, π], φ and ψ between -2π and 2π.
+    """
     q0, q1, q2, q3 = q
     c = hypot(q0, q3)
     s = hypot(q1, q2)
@@ -92,8 +95,8 @@ def matrix_from_euler(angles: Array) -> Array:
 
 def matrix_from_quaternion(q: Array) -> Array:
     """Matrices t_ij, shape (..., 3, 3), of quaternions, shape (..., 4); row i is body axis i in space components."""
-    # The squares are divided by the norm's, so that the rows stay unit vectors where a solver let
-    # the norm drift.
+    # The matrix is divided by the squared norm, so that its rows stay unit vectors where a solver let the norm
+    # drift.
     q0, q1, q2, q3 = (q[..., i] for i in range(4))
     with np.errstate(over="ignore"):
         a = q0 * q0
@@ -102,7 +105,7 @@ def matrix_from_quaternion(q: Array) -> Array:
         d = q3 * q3
         square = a + b + c + d
     if not ((square > _SMALLEST_SIZE**2) & (square < 1 / _SMALLEST_SIZE**2)).all():
-        # Squares vanish or overflow; a quaternion of zeros has no matrix.
+        # Squares vanish or overflow. A quaternion of zeros has no matrix: its components become NaN.
         with np.errstate(invalid="ignore"):
             q = q / np.abs(q).max(axis=-1, keepdims=True)
         q0, q1, q2, q3 = (q[..., i] for i in range(4))

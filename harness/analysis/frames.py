@@ -2,7 +2,7 @@
 
 A record is what the store holds of a run, as nested dictionaries (`polhode.harness.studies.case`).
 A frame has a row for each record, and a column for each value, named by its keys with dots between. Values
-that a record lacks are missing (`pandas.NA`), and lists are left as they are.
+that a record lacks are missing: `pandas.NA`, or NaN in a column of lists. Lists are left as they are.
 """
 
 from collections.abc import Collection, Iterable, Sequence
@@ -43,7 +43,8 @@ RUN_COLUMNS = [
 _STOKES = "scene.stokes"
 # Columns that every record of a run of a scene has; `of_runs` refuses records without them.
 NEEDED = ("scene_name", "stokes", "form", "solver", "tolerance", "status")
-# Columns that a failed run lacks. Frames have them, empty, even where every run failed.
+# Columns of errors and times, which most failed runs lack. A frame of all columns has them, empty, even where
+# every run failed.
 _OF_SUCCESSES = (
     "slow_error",
     "orientation_error",
@@ -51,7 +52,8 @@ _OF_SUCCESSES = (
     "orientation_uncertainty",
     "seconds",
 )
-# Seven significant digits of numbers in `runs.csv`: times and errors are known to fewer.
+# Seven significant digits of numbers in `runs.csv`: times and errors are known to fewer. St and durations are
+# rounded as well; `records.jsonl.gz` has all their digits.
 _CSV_NUMBER = "%.7g"
 # pandas before 3.1 reads a number to its last bit only if it is told to. Later ones warn of being told.
 _PANDAS = tuple(map(int, pd.__version__.split(".")[:2]))

@@ -1,4 +1,6 @@
-"""Random bodies and starts by kind: body i of a kind is the same for ever.
+"""Random bodies and starts by kind: body i of a kind is always the same.
+
+A test notices if another NumPy draws other numbers from a seed.
 
 A "path" is the solution of the equations averaged to first order, in slow time t₂ = t/St. A "kick" is
 the jump of L that a resonance of polhode and precession gives, which falls like 1/√St
@@ -24,7 +26,7 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import available_like
 from polhode.solvers.solve import solve
 
-# Kinds of bodies, with the words that pages show.
+# Kinds of bodies, with the words that pages show. The place of a kind is part of its seed: new kinds go to the end.
 KINDS = {
     "prolate": "spheroid, long along its axis",
     "oblate": "spheroid, flat along its axis",
@@ -35,9 +37,12 @@ KINDS = {
     "rest": "any shape, from rest",
     "settled": "any shape, near its steady rotation about the vorticity",
 }
-_LONGEST = 1.0  # Slow time of a run, the largest of `random_study.STUDIED_SLOW_TIMES`.
+# Slow time of a run, the largest of `random_study.STUDIED_SLOW_TIMES`: both change together, as that module imports
+# this one.
+_LONGEST = 1.0
 _SEED = 20261127  # Any number: another one gives other bodies.
-# Least semi-axis over the longest one. An estimate: the study says nothing of more slender or flatter bodies.
+# Least semi-axis over the longest one, as drawn; `_near` shortens it by up to 5 % more. An estimate: the study says
+# nothing of more slender or flatter bodies.
 _LEAST_AXIS = 0.15
 # Largest ratio, below 1, of two semi-axes that count as different. An estimate; "near-spheroidal" has closer ones.
 _LARGEST_RATIO = 0.95
@@ -69,7 +74,8 @@ class Body:
     semi_axes: Triple  # along the body axes 1, 2 and 3; the longest one is 1
     quaternion: tuple[float, float, float, float]  # w, x, y, z
     spin: Triple  # angular velocity about the body axes, in shear rates
-    crossing: float  # slow time at which the first-order path meets L² = 2EI₂, NaN if it does not
+    # Slow time of the first sample of the first-order path beyond L² = 2EI₂, NaN if there is none.
+    crossing: float
     # √St times the strongest kick of a resonance along the path, over I_max. NaN if it was not looked up: it is for
     # the kinds "stays" and "resonance" alone, if the path does not cross.
     kick: float
@@ -129,7 +135,10 @@ def _belongs(body: Body) -> bool:
 
 
 def _crossing(body: Body) -> float:
-    """Slow time at which the first-order path meets L² = 2EI₂; NaN if it does not, or there is no path."""
+    """Slow time of the first sample of the first-order path beyond L² = 2EI₂; NaN if there is none, or no path.
+
+    The St may be any: the equations are in slow time and do not contain it.
+    """
     scene = body.scene(_KICK_STOKES)
     if scene.ellipsoid.kind != "triaxial":
         return nan

@@ -31,8 +31,8 @@ from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
 from polhode.solvers.solve import solve
 
-# Errors of L and E over I_max, columns of the table: `known_stokes.toml` has 1e-6 to 1e-8; a decade or
-# two on either side are added. Which ones to show is a choice.
+# Errors of L and E over I_max, columns of the table: the targets, in `known_stokes.toml` beside this module, are
+# for 1e-6 to 1e-8; a decade or two on either side are added. Which ones to show is a choice.
 _ERRORS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 # Least ratios set as targets, by scene, St and error of L and E over I_max.
 _TARGET_ROWS = tomllib.loads(
@@ -41,8 +41,8 @@ _TARGET_ROWS = tomllib.loads(
 _TARGETS = {(scene, stokes, error): ratio for scene, stokes, error, ratio in _TARGET_ROWS}
 # Solvers of polhode, the ones that know St; all others are rivals.
 _OWN = [name for name in SOLVERS if find_solver(name).family == "polhode"]
-# Targets of `stroboscopic`. Like the rows of `known_stokes.toml` they are set by polhode's authors, not
-# measured.
+# Targets of `stroboscopic`; a fourth one, its least error of 1e-10, stands in the page's text. Like the rows of
+# `known_stokes.toml` they are set by polhode's authors, not measured.
 _SLOW_ERROR = 5e-9  # of L and E, over I_max
 _ORIENTATION_ERROR = 3e-4  # rad
 _LEAST_SPEEDUP = 30.0  # time of the fastest rival over its own, to both errors
@@ -58,7 +58,10 @@ _ROUNDS = 7
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
-    """Write the page and its records into a folder and return the page's path."""
+    """Write the page, its records and `longer.json` into a folder and return the page's path.
+
+    Where `longer.json` does not belong to these records, `stroboscopic` is run to measure it.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     write_records(records, folder)
     records_digest = digest("".join(record_lines(records)))

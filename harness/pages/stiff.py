@@ -194,7 +194,7 @@ class Winner:
 
     @property
     def tied(self) -> bool:
-        """Whether the lead is within the runs' own spread."""
+        """Whether the lead is no larger than what repeats of the fastest run vary by (`Run.ties`)."""
         return self.other is not None and self.run.ties(self.other)
 
     @property
@@ -345,7 +345,7 @@ def _form_cells(row: tuple[str, float, dict[str, Run]]) -> list[str]:
 
 
 def stopped(runs: Sequence[Run], tolerance: float) -> list[str]:
-    """Runs at a tolerance that stop before their end where another solver or back end gets through, in lines.
+    """Runs at a tolerance that end with no valid result where another solver or back end does, in lines.
 
     Runs with an exact Jacobian count. A line has a solver, its back end, the places and the reason that they share.
     """
@@ -422,7 +422,10 @@ def _span(rows: Sequence[Gain]) -> tuple[float, float, float] | None:
 
 
 def _worst(rows: Sequence[Gain]) -> str:
-    """The run by the first option that gains most over the second, in words; empty without a pair."""
+    """The run by the first option that gains most over the second, in words.
+
+    Empty if no pair has two runs that reach their end.
+    """
     gain = max(rows, key=lambda gain: max(gain.ratios, default=0.0), default=None)
     if gain is None or gain.gains_most is None:
         return ""

@@ -23,12 +23,15 @@ def table(rows: Iterable[Any], name: str, /, **fields: Any) -> str:
     """The rows as a Markdown table, by the columns of one of `texts/tables.toml`; `fields` fill the headings.
 
     Columns are right-aligned, but for the first. A table may say how many of the first columns are
-    left-aligned ("left"), or give the places of those that are right-aligned ("right").
+    left-aligned ("left"), or give the places of those that are right-aligned ("right"). Headings must differ: a
+    blank at the end of one makes it differ, and does not show on the page.
 
     Raises
     ------
     KeyError
-        `texts/tables.toml` has no table of that name, or a row or `fields` lack what it names.
+        `texts/tables.toml` has no table of that name, or a mapping or `fields` lack a name.
+    AttributeError
+        An object lacks an attribute that the table names.
     """
     spec = _TABLES[name]
     columns = {WORDING.format(head, **fields): cell for head, cell in columns_of(name).items()}
@@ -46,7 +49,8 @@ def templates(folder: Path, **options: Any) -> Environment:
     """The templates of a folder, with the filters of the house.
 
     Each name of `FORMATS` is a filter: ``{{ x|short }}``. "form" takes such a name or a format of
-    Python: ``{{ x|form(".2f") }}``. `options` go to `jinja2.Environment`.
+    Python: ``{{ x|form(".2f") }}``. `options` go to `jinja2.Environment`, but for
+    the four that are set here.
     """
     options |= {
         "undefined": StrictUndefined,

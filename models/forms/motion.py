@@ -1,13 +1,14 @@
 """Common to the full forms: the vector equation `ultima` along the body axes, and the rates of a quaternion.
 
-Parameters p of a full form are (alpha, beta, *shape), and for a triaxial one:
+Parameters p of a full form are (alpha, beta, *shape, *flow), without the flow in simple shear. Of `quaternion`
+and `euler-angles`, which take every ellipsoid, they are:
 
 - p[0]: alpha;
 - p[1]: beta;
 - p[2:5]: gyro, per axis (I₂ - I₃)/I₁ …;
 - p[5:8]: damping rates 8πX_i/I_i;
 - p[8:14]: in simple shear the six `shares`;
-- p[8:16]: in any other flow its eight numbers (`polhode.models.flow`).
+- p[8:16]: in any other flow its eight numbers (`polhode.models.flow`), which `AlongTrack` computes along a track.
 
 Mass alpha stands on the angular velocity, factor beta on the torque: (1, 1/St) is the explicit
 form, (St, 1) the implicit one.
@@ -60,7 +61,8 @@ class AlongTrack:
         rhs = ops.use(self.field)
         others = self.others
 
-        # p = | alpha, beta, shape: `others` | 8 constants | 8 slopes | 8 of squares | 8 of cubes | knot |
+        # The first `others` are alpha, beta and the shape's numbers; of `jeffery` the shape's alone.
+        # p = | others | 8 constants | 8 slopes | 8 of squares | 8 of cubes | knot |
         def along(y, p):
             since = y[len(y) - 1] - p[others + 4 * _NUMBERS]
             square = since * since
@@ -172,7 +174,10 @@ def driven_acceleration(ops: Operations) -> Callable:
 
 
 def angular_acceleration(ops: Operations) -> Callable:
-    """Mass times ω̇ in simple shear, from the flow and gradient directions in body axes and ω."""
+    """Mass times ω̇ in simple shear, from the flow and gradient directions in body axes and ω.
+
+    Forms of users call it, as `docs/examples/own_form.py` does; polhode's own do not.
+    """
     velocity = ops.use(velocity_in_shear)
     acceleration = ops.use(driven_acceleration)
     return lambda x, y, w, p: acceleration(w, velocity(x, y, p), p)
@@ -180,10 +185,10 @@ def angular_acceleration(ops: Operations) -> Callable:
 
 def directions(ops: Operations) -> Callable:
     """Flow and gradient directions in body axes, (t₁₁, t₂₁, t₃₁) and (t₁₂, t₂₂, t₃₂), of a quaternion of any norm."""
-    # Divided by |q|², so that the norm, which solvers let drift, does not enter the torque. At
-    # loose tolerances over long runs this divides the errors by 10 to 100. It keeps runs from
-    # blowing up that otherwise do (paper's ellipsoid, St = 1e4 and 1e5). A term that restores the
-    # norm does no better there, costs a third more and bounds the step.
+    # Divided by |q|², so that the norm, which solvers let drift, does not enter the torque. In
+    # trials that no command repeats, at loose tolerances over long runs, this divided the errors by 10 to
+    # 100. It keeps runs from blowing up that otherwise do (paper's ellipsoid, St = 1e4 and 1e5). A term that
+    # restores the norm did no better there, cost a third more and bounds the step.
 
     def of(q0, q1, q2, q3):
         scale = 1 / (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)

@@ -32,9 +32,10 @@ Array = np.ndarray
 # Version of the numbers of a series, in the key under which they are cached: it is raised when they
 # change.
 VERSION = 4
-# Chebyshev nodes in a, from 0 to the end of the tables. This number and the next two are estimates. With
-# them the transformation is right to 1e-9 of itself near a principal axis, and to 1e-4 for a² from 3 to 5
-# (tests/models/second_order/test_swing.py).
+# Chebyshev nodes in a, from 0 to the end of the tables. This number and the next two are estimates. A test
+# compares the transformation with that of `Torus` on three bodies (tests/models/second_order/test_swing.py). It
+# allows 1e-9 of it near a principal axis, and 1e-4 for a² from 3 to 5; the largest differences were 4e-12 and 2e-6.
+# Beyond a² = 5, up to `MAX_A2`, nothing is compared.
 _NODES = 40
 # Polhode phases at each node.
 _PHASES = 96
@@ -53,10 +54,11 @@ _FAINT = 1e-14
 LEAST_FAINT = 1e-11
 MOST_FAINT = 1e-6
 # Share of the largest below which terms of χ and of the change of n per y are left out. χ is a part of
-# the pose itself, not over St, so that this share is near rounding.
+# the pose itself, not over St, so that this share is near rounding. An estimate.
 _ROUNDING = 1e-12
 # Change of a divisor over its square up to which four terms of its asymptotic series do: the first one
-# left out is 945 u⁴ at most, 1e-5 of the sum.
+# left out is 945 u⁴ at most, 1e-5 of the sum. An estimate: only modes near a resonance come near that bound, and
+# all others keep the 1e-6 that docs/second-order.md allows.
 _MAX_ASYMPTOTIC = 0.01
 # Added where a divisor may be 0, to keep 1/0 away.
 _TINY = 1e-100
@@ -72,7 +74,8 @@ _Z = np.array([0, 0, 1])
 # Two tensors of k = 0: one symmetric about L, and a turn about L.
 _LEVEL = np.diag([0.5, 0.5, -1])
 _TURN = np.array([[0, 0.5, 0], [-0.5, 0, 0], [0, 0, 0]])
-# The tensors of the flow, shape (5, 3, 3); the drag is the sixth.
+# The tensors of the flow, shape (5, 3, 3); the drag is the sixth. They suffice, since x and y are orthogonal: x⊗y
+# has no trace.
 _BASIS = np.array([np.outer(_E, _E), np.outer(_E, _Z), np.outer(_Z, _E), _LEVEL, _TURN])
 # k of each tensor and of the drag: a turn of the body by β multiplies a tensor by e^(-ikβ).
 _K_OF_TENSORS = (2, 1, 1, 0, 0, 0)
@@ -92,7 +95,11 @@ class _Part(NamedTuple):
 
     @property
     def unit(self) -> complex:
-        """1 or i: whether the Fourier coefficients are real or imaginary."""
+        """1 or i: whether the Fourier coefficients are real or imaginary.
+
+        This follows from what a polhode's reflection α → -α does to each tensor. `_amplitudes` drops the other half;
+        a factor that were wrong would drop a whole series, which the comparison with `Torus` would show.
+        """
         of_the_body = self.tensor in (_TENSOR_TURN, _TENSOR_DRAG)
         return 1j if of_the_body == (self.rate == _RATE_ALPHA) else 1
 
@@ -406,7 +413,7 @@ class Place:
     series: Series
     a2: Array  # a², shape (m,)
     alpha: Array  # α in rad, shape (m,)
-    z: Array  # n in body axes, shape (m, 3)
+    z: Array  # n in the permuted body axes of `series.side`, shape (m, 3)
 
     @cached_property
     def body(self) -> Array:
@@ -415,7 +422,7 @@ class Place:
 
     @cached_property
     def shape(self) -> Array:
-        """χ and the change of n per y, in body axes, shape (m, 4)."""
+        """χ and the change of n per y, in the permuted body axes, shape (m, 4)."""
         count = self._needed("shape", _PHASES // 2, _ROUNDING)
         amplitudes = (
             (self._levels @ self.series.shape[:, : 4 * count]).reshape(-1, count, 4).swapaxes(1, 2)
@@ -490,7 +497,8 @@ class Place:
         amplitudes = self._levels @ self.series.rates[:, : len(_PARTS) * terms]
         amplitudes = amplitudes.reshape(m, terms, -1)
         # How fast y grows in the mean, by the turn and the drag, which moves the divisors. Term 0 is
-        # the mean, and the parts of y' have the numbers of the tensors.
+        # the mean, and the parts of y' have the numbers of the tensors. Tensor 3 has k = 0 as well, but imaginary
+        # coefficients: its mean is 0.
         means = slice(_TENSOR_TURN, _TENSOR_DRAG + 1)
         spun, dragged = _columns(np.real(c[:, means]) * amplitudes[:, 0, means])
         rise = torque_factor * (spun + dragged) / scale

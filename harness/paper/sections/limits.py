@@ -1,9 +1,9 @@
 """The limits St = 0 and ∞: Poincaré sections and chaos of the Jeffery top, and Euler tops.
 
 The Jeffery top is an ellipsoid without inertia, St = 0. The Euler top is one without flow, St = ∞.
-The items are the paper's figures `slender_prolate` to `flat_oblate`, `euler_top_nutation` and
-`symmetric_top_nutation`. `polhode.harness.paper.jeffery_top` computes orbits of the Jeffery top.
-`polhode.models.free_top` has the Euler top's closed form.
+The items are the paper's figures `slender_prolate`, `fat_prolate`, `flat_oblate`, `fat_oblate`,
+`euler_top_nutation` and `symmetric_top_nutation`. `polhode.harness.paper.jeffery_top` computes orbits
+of the Jeffery top. `polhode.models.free_top` has the Euler top's closed form.
 
 In figures, heights of panels are in inches, and widths of lines and sizes of marks and letters in
 points. They and the limits of axes are chosen by eye.
@@ -171,6 +171,7 @@ class _Sections(Experiment):
     - "settings": the duration of the orbits, in inverse shear rates, and in half turns, `turns`.
     """
 
+    # An estimate for the longest of the figures, which decides no more than which one starts first.
     seconds: ClassVar[float] = 40.0
     ellipsoid: Ellipsoid
     half_turns: int  # How long to follow: about so many section points for each orbit.
@@ -271,7 +272,7 @@ class _Sections(Experiment):
 
     @abstractmethod
     def judge(self, data: Data) -> Verdict:
-        """Compare the share of chaotic orbits with the claim."""
+        """Compare the chaos that was found with the claim."""
 
     def draw(self, data: Data) -> Figure:
         """The section, and one saddle magnified; chaotic orbits stand out."""
@@ -480,7 +481,11 @@ class ThinLayers(_Sections):
             )
         numbers = chaos.numbers(Range(0.0, _THIN_SHARE, "up to this share a layer counts as thin"))
         name = f"width of the layer at ψ = 0 over {turns:g} half turns"
-        measure = "" if interval is None else f"starts that librate and circulate, of {_ACROSS}"
+        measure = (
+            ""
+            if interval is None
+            else f"starts that librate and circulate, of {len(data['across'])}"
+        )
         numbers.append(
             Number(
                 name, width, expected, "rad", interval=interval, measure=measure, floor=_ROUNDING
@@ -714,8 +719,8 @@ def measured_period(path: Table) -> float:
     evenly.
     """
     axis = np.column_stack([path.x, path.y, path.z])
-    # Any two further points do that are not at the place of the first one, as are the points a
-    # fifth and a third of the path after it.
+    # Any three different points give the normal. These are the first one, and those after a fifth and a
+    # third of the path.
     second = axis[len(axis) // 5]
     third = axis[len(axis) // 3]
     normal = np.cross(axis[0] - second, axis[0] - third)
