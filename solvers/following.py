@@ -1,5 +1,7 @@
 """A solution with rows where the steps of its solver lie: the path of a run, beforehand."""
 
+from contextlib import suppress
+
 import numpy as np
 
 from polhode.models.libraries import IMPORTS
@@ -9,8 +11,8 @@ from polhode.solvers.catalogue import solver
 from polhode.solvers.compile import array_callback, parameter_array
 from polhode.solvers.contract import installed
 
-# Steps after which the path ends, as `_MOST_STEPS` in `cyrk`. An estimate: averaged equations take far
-# fewer, and where they do not, averaging breaks down.
+# Steps after which SciPy's path ends, as `_MOST_STEPS` in `cyrk` for CyRK's: both change together. An estimate:
+# averaged equations take far fewer, and where they do not, averaging breaks down.
 _MAX_STEPS = 2000
 
 
@@ -18,9 +20,9 @@ def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarra
     """About `points` times of a solution, and the states there, shapes (n,) and (n, d).
 
     Times are dense where the solver's steps are, as `cyrk.spread_over` says. They end where the
-    solution does, or after `_MAX_STEPS` steps. A solution that cannot begin has its start alone.
-    `tolerance` is relative and absolute, of a step. The solver is CyRK's method of order 7, or
-    without CyRK SciPy's of order 8.
+    solution does, or after `_MAX_STEPS` steps. The start alone is given if the solution cannot begin, or
+    if CyRK's second run, at the chosen times, fails. `tolerance` is relative and absolute, of a step. The
+    solver is CyRK's method of order 7, or SciPy's of order 8 where CyRK or llvmlite is missing.
     """
     if solver("cyrk-vern7").available:
         return cyrk.followed(problem, tolerance, points)
@@ -33,6 +35,7 @@ def _followed_by_scipy(
     with IMPORTS:
         from scipy.integrate import DOP853, OdeSolution
 
+    # "numba" is machine code that Python calls; llvmlite makes it.
     backend = "numba" if installed("llvmlite") else "python"
     callback, values = array_callback(problem, backend, parameter_array(problem))
 
@@ -42,26 +45,23 @@ def _followed_by_scipy(
         return out
 
     start = np.array(problem.start)
-    # The start as the only row.
-    alone = np.zeros(1), start[None]
+    times = [0.0]
+    interpolants = []
     # A rate that overflows or has no value ends the path; NumPy need not say so.
-    with np.errstate(all="ignore"):
-        try:
-            if not np.isfinite(rates(0.0, start)).all():
-                return alone
+    with np.errstate(all="ignore"), suppress(ArithmeticError):
+        if np.isfinite(rates(0.0, start)).all():
             stepper = DOP853(rates, 0.0, start, problem.end, rtol=tolerance, atol=tolerance)
-            times = [0.0]
-            interpolants = []
             while stepper.status == "running" and len(interpolants) < _MAX_STEPS:
                 stepper.step()
                 if stepper.status == "failed" or not np.isfinite(stepper.y).all():
                     break
-                times.append(float(stepper.t))
+                # The step's interpolant takes further rates, which may fail.
                 interpolants.append(stepper.dense_output())
-        except ArithmeticError:
-            return alone
-        if not interpolants:
-            return alone
+                times.append(float(stepper.t))
+    if not interpolants:
+        # The start is the only row.
+        return np.zeros(1), start[None]
+    with np.errstate(all="ignore"):
         steps = np.array(times)
         sampled = cyrk.spread_over(steps, points)
         return sampled, OdeSolution(steps, interpolants)(sampled).T

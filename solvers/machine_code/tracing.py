@@ -3,8 +3,8 @@
 A field is a straight line of arithmetic. Called with numbers that write down what is done to them,
 it yields one line for each operation, ``%v7 = fmul contract double %v1, %v4``. Equal lines are
 written once; arithmetic on constants is Python's own. `contract` lets the processor round a*b + c
-once instead of twice, which changes the last bit and never the meaning; the compiler may change
-nothing else.
+once instead of twice. That changes the rounding of one operation and never the meaning; where terms
+cancel, more digits of the result may differ. The compiler may change nothing else.
 """
 
 import inspect
@@ -31,7 +31,7 @@ _MULTIPLIED_OUT = range(-16, 17)
 
 
 class FieldError(ValueError):
-    """A vector field does what no field may do; the message names file and line."""
+    """A vector field does what no field may do; the message names file and line where they are known."""
 
 
 def either_side(
@@ -95,7 +95,8 @@ class Number:
         return self
 
     # Unlike the four above, a power whose base or exponent is an array, the other one a traced
-    # number, is refused by a FieldError. `np.array(y) ** 2` is NumPy's, element by element.
+    # number, is refused by a FieldError, unless the exponent is a whole number as an array without
+    # dimensions. `np.array(y) ** 2` is NumPy's, element by element.
     def __pow__(self, exponent: Any) -> Any:
         if isinstance(exponent, Number) or exponent not in _MULTIPLIED_OUT:
             return call("pow", self, exponent)
@@ -180,7 +181,7 @@ OPERATIONS = Operations(
 
 @once()
 def trace(factory: Factory, dimension: int, parameters: int, mass: bool = False) -> str:
-    """LLVM's lines that compute a field's rates, read at %y and %p and written at %out.
+    """LLVM's lines that read state and parameters at %y and %p, and write the field's rates at %out.
 
     With `mass` it is the residual ``mass * slope - field(y, p)``, with two further arrays %slope
     and %mass, the diagonal of the mass matrix. With a full matrix SUNDIALS runs through

@@ -8,6 +8,7 @@ import pytest
 
 from polhode.models import path_solver
 from polhode.models.problem import Problem
+from polhode.solvers import following
 from polhode.solvers.following import followed
 
 
@@ -36,3 +37,21 @@ def test_without_one_the_error_says_what_to_call(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(path_solver, "_solver", None)
     with pytest.raises(RuntimeError, match=r"^no path solver: got None, expected one by .*\.use$"):
         path_solver.solved(Problem("circle", rotation, (1.0, 0.0), 3.0), 1e-8, 20)
+
+
+def test_a_division_by_zero_on_the_way_ends_the_path_there(monkeypatch: pytest.MonkeyPatch):
+    # Without machine code Python raises the error.
+    monkeypatch.setattr(following, "installed", lambda _: False)
+
+    def ending(ops):
+        def rates(y, p):
+            if y[0] > 1:
+                raise ZeroDivisionError
+            return (1 + 0 * y[0],)
+
+        return rates
+
+    times, states = following._followed_by_scipy(Problem("ending", ending, (0.0,), 3.0), 1e-8, 20)
+    # Its steps grow tenfold: the next one would pass 1.
+    assert 0.1 < times[-1] <= 1
+    np.testing.assert_allclose(states[:, 0], times, atol=1e-12)
