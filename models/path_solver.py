@@ -19,8 +19,9 @@ class PathSolver(Protocol):
     ) -> "tuple[np.ndarray, np.ndarray]":
         """About `points` times of the solution, shape (n,), and the states there, shape (n, d).
 
+        Times are the problem's own; if the solver takes more steps than `points`, there is one for each step.
         `tolerance` is the relative one and the absolute one. The times end early where the solution
-        does, or where it takes too many steps.
+        does, or where it takes too many steps. A solution that cannot begin gives its start alone.
         """
         ...
 

@@ -1,8 +1,9 @@
 """The regime map: the cheapest method at each St and error, and how each method fares on the map.
 
 `cells` makes the map of one scene from the frame of its runs (`pareto.py`). Times to an error are
-interpolated between runs, by `costs`. Methods that share a label, such as one averaged form by
-several solvers, count as one: a `Cell` has the winner, and the best method of another label.
+interpolated between runs, by `costs`. Methods that share a label count as one: one averaged form by
+several solvers, or several full forms by one solver. A `Cell` has the winner, and the best method of another
+label. `harness/pages/regimes.py` makes maps and standings of it; the site's look-up reads their cells.
 """
 
 from collections import Counter
@@ -127,8 +128,10 @@ class Standing:
     won: int  # Cells.
     tied: int  # Cells in which it is second, within the tie.
     front: int  # St at which it lies on the Pareto front of all methods.
-    measured: int  # St at which it was run.
-    failures: dict[str, int]  # Runs without a result, by status.
+    measured: int  # St at which it has records.
+    failures: dict[
+        str, int
+    ]  # Records that are no success, by status, also those that were not run.
 
 
 def standings(records: pd.DataFrame, error: str, panel: Sequence[Cell]) -> list[Standing]:

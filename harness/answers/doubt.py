@@ -31,9 +31,10 @@ _AGREE = 0.1
 def doubt(runner: Runner, run: Run, stated: RunError) -> str:
     """Why a claimed success is none; empty if nothing speaks against it, or nothing that is sure.
 
-    Only a run whose error is large or unknown is compared with two sharp runs: others pay nothing.
-    The sharp runs are of the run's own form, so that the error of averaging is not doubted, nor is the
-    orientation. If one of them fails, nothing is sure.
+    Only a run whose error is large or unknown is compared with sharp runs: others pay nothing. A second
+    sharp run is made only if the first one contradicts the run. They are of the run's own form, so that
+    the error of averaging is not looked at, and L and E alone are compared, not the orientation. If a
+    sharp run fails, nothing is sure.
 
     Parameters
     ----------

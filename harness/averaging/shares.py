@@ -48,7 +48,7 @@ KNOWN = 10.0
 LEAST_KNOWN = 0.5
 # The errors at the St on either side make an error expected. One that is smaller than this share of it is
 # small by cancellation: terms of the error happen to add up to little at that St. An estimate: with half of it
-# the page would list fewer such errors.
+# the page would list fewer such errors. `texts/accuracy-findings.md` says "a third".
 CANCELLED = 1 / 3
 # St from which on errors are looked at for cancellation: below, no power law holds yet. An estimate.
 _CANCELLATION_FROM = 1000.0

@@ -1,8 +1,8 @@
 """The benchmark suite: every form and solver across St and tolerance, as pytest-benchmark cases.
 
 Run by ``pytest --pyargs polhode.harness.benchmarks``; docs/benchmarks.md says with which options.
-Errors, work and status are in `extra_info`; `polhode compare` reads the JSON. A run that does not
-reach its end is skipped with its status and reason, and stays in the JSON.
+Errors, work and status are in `extra_info`; `polhode compare` reads the JSON. A row without a time is
+skipped with its reason, as its run failed or did not meet the requested error; it stays in the JSON.
 """
 
 import json
@@ -15,10 +15,11 @@ from polhode.harness.benchmarks.plugin import Failed, failed_runs, options_of, p
 from polhode.harness.common.timing import Patience, sentinel
 from polhode.solvers.contract import Status
 
-# A case is run at least once, then repeated.
-# Runs at most. An estimate: the least of ten is seldom disturbed.
+# A case is timed at least once, and repeated as long as the two limits below allow it.
+# Timed runs at most. An estimate: the least of ten is seldom disturbed.
 _MAX_ROUNDS = 10
-# Wall time of all runs together, about. An estimate: the suite has hundreds of rows.
+# Wall time of the timed runs together, in seconds, about; a longer run is timed once. An estimate: the suite has
+# hundreds of rows.
 _ROUNDS_SECONDS = 0.1
 # A shorter run, in seconds, is slow when the processor's caches hold something else: another run
 # goes before it. An estimate.
@@ -71,7 +72,7 @@ def test_solve(
     tolerance: float | None,
     error: float | None,
 ) -> None:
-    """Time one run; a failure is data."""
+    """Time the runs of one row; a failure is data."""
     row = Row((scene, stokes, form, solver), tolerance, error)
     case, record, reason = suite_of(request.config).choose(row)
     benchmark.group = row.group
@@ -100,6 +101,7 @@ def test_solve(
         statuses.append(case.solve(max_seconds=float("inf")).status)
 
     rounds = max(1, min(_MAX_ROUNDS, int(_ROUNDS_SECONDS / seconds)))
+    # An untimed run goes before them: the one above counted calls, this one does not.
     benchmark.pedantic(run, setup=ready, rounds=rounds, iterations=1, warmup_rounds=1)
     assert set(statuses) == {Status.REACHED_END}
     # pytest-codspeed's fixture has none.

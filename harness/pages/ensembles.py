@@ -61,10 +61,10 @@ Throughput = dict[str, Any]
 def write_results(
     sweep: Sweep, store: Store, folder: Path, command: str
 ) -> tuple[Path, list[dict[str, Any]]]:
-    """Write the page, its pictures and the CSV files that have rows into a folder.
+    """Write the page, its pictures, `ensembles.json` and the CSV files that have rows into a folder.
 
-    Returns the page's path, and a row of `summary.ensemble_row` for each ensemble. Raises ValueError if the
-    store lacks a task.
+    CSV files of an earlier run that have no rows now are removed. Returns the page's path, and a row of
+    `summary.ensemble_row` for each ensemble. Raises ValueError if the store lacks a task.
     """
     ensembles = []
     # The stem of each picture's file, and its shape in words.
@@ -108,12 +108,13 @@ def write_results(
 def redraw(sweep: Sweep, folder: Path) -> Path:
     """Draw the pictures of a sweep, and write its page, anew from the tables in its folder; the page's path.
 
-    The page stays as it is in a folder of polhode 0.1, which wrote no table of ensembles.
+    The sweep must be the one that made the folder, which is not checked. The page stays as it is in a folder of
+    polhode 0.1, which wrote no table of ensembles.
 
     Raises
     ------
     ValueError
-        The folder has no tables of a sweep.
+        No `distributions.csv` is in the folder, the page does not say how it was made, or a file is damaged.
     """
     if not (folder / "distributions.csv").is_file():
         raise ValueError(f"{folder / 'distributions.csv'}: no such file, expected those of a sweep")
@@ -143,10 +144,13 @@ def redraw(sweep: Sweep, folder: Path) -> Path:
 
 def _picture(tables: dict[str, pd.DataFrame], sweep: Sweep) -> Any:
     """The picture of one shape, from its rows of each file of `_DRAWN`."""
+    tolerances = dict.fromkeys(short(ensemble.tolerance) for ensemble in sweep.ensembles)
+    axes = "x: flow, y: gradient, z: vorticity"
+    if sweep.ensembles[0].any_scene.flow is not None:
+        axes = "x, y, z: axes of space"
     note = (
         f"{sweep.ensembles[0].particles} particles for each St, whose starts the sweep file gives; tolerance "
-        f"{short(sweep.ensembles[0].tolerance)}. x: flow, y: gradient, z: vorticity; L over the largest moment of "
-        "inertia. Bands hold 95 %."
+        f"{' or '.join(tolerances)}. {axes}; L over the largest moment of inertia. Bands hold 95 %."
     )
     return picture({name.removesuffix(".csv"): table for name, table in tables.items()}, note)
 
@@ -253,7 +257,8 @@ def page(throughput: Throughput) -> str:
     tasks = {(row["shape"], row["equations"]): row for row in throughput["tasks"]}
     for plan in _PLANS:
         task = tasks[plan["shape"], plan["equations"]]
-        # The number of rotations, and with it the cost of full equations, grows in proportion to St.
+        # Plans end at the slow time of the measurement: the number of rotations, and with it the cost of full
+        # equations, grows in proportion to St.
         slower = 1.0
         if plan["equations"] == "full":
             slower = plan["stokes"] / throughput["settings"]["stokes"]
@@ -261,6 +266,7 @@ def page(throughput: Throughput) -> str:
         mib = count * task["record_bytes"] / _BYTES_OF_MIB
         seconds = plan["particles"] / task["per_second"] * slower
         planned.append(plan | {"tasks": count, "mib": mib, "hours": seconds / 3600})
+    # If the measured process failed there is no number, and the page shows 0.
     memory_mib = (throughput["memory"]["bytes"] or 0) / _BYTES_OF_MIB
     return fill(
         "throughput",

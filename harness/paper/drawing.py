@@ -2,8 +2,8 @@
 
 An item's `draw` makes a figure by `panels`, draws the rows of tables (`draw_each`, `draw_levels`,
 `draw_power`), and puts legends outside the panels: `key_above` one for the figure, `key_of` one for
-a panel. `harness/paper/pages.py` calls `draw` within `style`, and then `save`, which breaks the
-labels of axes that are too long. `harness/pages/figures/style.py` has the colours and sizes, as of
+a panel. `harness/paper/reproduction.py` calls `draw` within `style`, and then `save`, which
+breaks the labels of axes that are too long. `harness/pages/figures/style.py` has the colours and sizes, as of
 all figures.
 """
 

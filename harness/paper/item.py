@@ -104,7 +104,7 @@ class Verdict:
     earned: Word
     sentence: str
     caption: str
-    numbers: Sequence[Number]
+    numbers: Sequence[Number]  # at least one; the index shows the first
 
     @property
     def word(self) -> Word:

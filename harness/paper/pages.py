@@ -19,7 +19,7 @@ from polhode.harness.pages.tables import fill, folded
 from polhode.harness.paper import store
 from polhode.harness.paper.item import Grid, Item, Number, Section, Word
 
-# Verdicts in the order of the index: first those that contradict the paper.
+# Verdicts in the order of the index: first numbers outside their ranges, then corrections of the paper.
 _INDEX_ORDER = (
     Word.NOT_CONFIRMED,
     Word.CORRECTED,
@@ -28,10 +28,11 @@ _INDEX_ORDER = (
     Word.SHARPENED,
     Word.MEASURED,
 )
-# Significant digits of a value without an interval: a choice, enough to compare it with its range.
+# Significant digits of a value without an interval and of the ends of ranges, and the most of a value with an
+# interval: a choice, enough to compare a value with its range.
 _DIGITS = 4
-# Unit of the last digit of a value of 0 or infinity, which has no digits to count. Any small one
-# will do.
+# Unit of the last digit where neither value nor interval gives a finite size above 0. Any small one will
+# do.
 _UNIT_OF_NONE = 1e-12
 
 
@@ -103,6 +104,7 @@ def measured(number: Number) -> str:
     An example is "0.57 (95 %: 0.55 … 0.59)". `last_unit` says to which digit both are written.
     """
     if abs(number.value) < number.floor:
+        # Floors are powers of ten, so that one digit shows them exactly.
         text = f"below {_digits(number.floor, 1)}"
     elif number.interval is None:
         text = _digits(number.value)

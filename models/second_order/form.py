@@ -27,18 +27,21 @@ _START_PASSES = 60
 # Passes diverge if a component becomes this many times the largest one of z. An estimate: components
 # that grow at all soon exceed any such number.
 _START_DIVERGED = 1e3
-# Residual of that equation, over the larger one of |L| and 1, the length of p, at which passes end: rounding.
+# Passes end when the next residual of that equation is expected to be at most this, over the larger one of |L|
+# and 1, the length of p: rounding.
 _START_CLOSE = 1e-15
 # Shares of the time to the first segment of the full equations at which a run is tried to be stopped,
 # the longest first. Estimates: smaller ones stop a run earlier than it need be, and are taken more often.
 STOPS = (0.98, 0.9)
-# Above this estimated error of L and E, over I_max, the expansion in 1/St means nothing.
+# Above this estimated error of L and E, over I_max, the expansion in 1/St means nothing: it exceeds L of a settled
+# body. An estimate, strict for fast bodies.
 _MEANINGLESS = 1.0
 
 
 class SecondOrder(Form):
-    """State (L, q, σ) of a spheroid in slow time: L over I_e, its axis without fast turning, that angle over St.
+    """State (L, q, σ) of a spheroid in slow time.
 
+    L is over I_e; q is the axis with its turn about L taken out; σ is the angle of that turn over St.
     A triaxial ellipsoid has the state of `polhode.models.second_order.field` instead, and its
     complete orientation; it is followed on one side of L² = 2EI₂ alone, down to rotation about a
     principal axis, and past resonances, whose kicks it misses and estimates. Caveat: the angle St σ
@@ -58,7 +61,11 @@ class SecondOrder(Form):
     averaged = True
 
     def check(self, scene: Scene) -> None:
-        """Refuse spheres, other flows than shear, St = 0, inf or too small, no orientation, and too long runs."""
+        """Refuse what second order does not follow.
+
+        It follows no spheres, no other flow than shear, no St = 0, inf or too small, no start without orientation
+        or with L = 0, and no run that reaches a time at which averaging fails.
+        """
         self.require_flow(scene)
         if scene.ellipsoid.kind == "sphere":
             raise self.refuse(
@@ -117,7 +124,10 @@ class SecondOrder(Form):
         return find_form(full_form(scene)).observe(scene, exact)
 
     def estimate(self, scene: Scene) -> Outline:
-        """Largest model errors over the run, `slow` and `orientation`, from the size of the expansion's next term."""
+        """Largest model errors over the run, `slow` and `orientation`, as estimated.
+
+        They come from the next terms of the expansion, the kicks of resonances left out, and the lag of the angles.
+        """
         self.check(scene)
         return outline(scene)
 
@@ -158,6 +168,7 @@ def slow_start(
     None if none are found.
     """
     slow = exact
+    # Residual before the first pass, taken as 1.
     left = 1.0
     size = max(1.0, hypot(*exact[:3]))
     for _ in range(_START_PASSES):
@@ -167,7 +178,7 @@ def slow_start(
         slow[3:] = spheroidal.unit(slow[3:])
         before = left
         left = max(map(abs, residual)) / size
-        # Each pass gains the same factor.
+        # The next pass gains the same factor as this one: its residual is forecast.
         if left * min(1, left / before) <= _START_CLOSE:
             return tuple(slow)
         # The passes diverge, or met numbers that are not finite.

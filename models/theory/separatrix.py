@@ -2,8 +2,9 @@
 
 Coordinates: y = 1 - m, the complementary parameter of the elliptic functions of the polhode, which
 is μ'δ of the paper, and L_z' = L_z + I₂/2. There E(m)/K(m) = 2/ln(16/y) up to terms of relative
-order y ln y. The local equations (`lzasymp`, `muasymp`) neglect powers of y and L_z', but no powers
-of 1/ln(16/y).
+order y ln y. The local equations (`lzasymp`, `muasymp`) neglect powers of y, and of L_z' all but its
+own linear decay. They keep all powers of 1/ln(16/y). Such names are labels of the paper's LaTeX source;
+`docs/misprints.md` lists what its formulas should read.
 """
 
 from dataclasses import dataclass
@@ -92,7 +93,8 @@ class Separatrix:
             )
         if passed == 0:
             return 0.0
-        # With y = 16e exp(W), y ln(16/y) + y = -16e W exp(W). As y < 16, W < -1: the branch is -1.
+        # With y = 16e exp(w), where w is Lambert's function, y ln(16/y) + y = -16e w exp(w). As y < 16, w < -1: the
+        # branch is -1.
         return 16 * e * exp(float(lambertw(-passed / (16 * e), k=-1).real))
 
     def shift(self, complement: float, complement_start: float, shift_start: float) -> float:
@@ -105,6 +107,7 @@ class Separatrix:
         # factor.
         #
         # The integrand is positive, so that the error is asked for relative to the integral.
+        # The decay of L_z' over 2W: without unit, of the sign of the side.
         rate = self.decay / self.growth
         exponent_end = _passed(complement)
         integral = quad(

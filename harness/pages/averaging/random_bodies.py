@@ -61,8 +61,9 @@ WHOLE = STUDIED_SLOW_TIMES[-1]
 # Decades of St between which exponents are given: the St of the study (`random_study.BODIES`) that are a
 # power of ten, but for the least one. A choice.
 _DECADES = (100.0, 1000.0, 1e4, 1e5, 1e6, 1e7, 1e8)
-# St from which on the paper calls the averaged equations good, by kind of body: figures "spheroid-slow-1"
-# (`paper.sections.spheroids`) and "ellipsoid-planes" (`paper.sections.ellipsoids`).
+# St from which on the paper calls the averaged equations good, by kind of body: items "spheroid-slow-1", of a prolate
+# body (`paper.sections.spheroids`), and "ellipsoid-planes" (`paper.sections.ellipsoids`). For oblate bodies the same
+# St is taken as for prolate ones.
 _GOOD_FROM = {"prolate": 100.0, "oblate": 100.0, "stays": 1000.0, "crosses": 1000.0}
 # Target share of the runs whose error is below the stated one: the upper end of an interval of 95 %.
 _BOUNDED = 0.975
@@ -84,11 +85,11 @@ _WHICH = (
     (ORDER_TWO, 1e-6),
     (TURNED, 1e-2),
 )
-# The page says how many bodies an exponent is of if fewer than this share have errors that their references know.
-# An estimate.
+# The page says how many bodies an exponent is of if fewer than this share have, at both St, errors that their
+# references know and that are below `MAX_ERROR_OF_LAWS`. An estimate.
 _ALMOST_ALL = 0.9
-# Half the width of an exponent's interval from which on the page says why it is not narrower. An estimate: a third of
-# the least difference between two exponents of theory.
+# Half the width of an exponent's interval from which on the page says why it is not narrower. An estimate: a fifth of
+# the least difference between two exponents of theory, 0.5.
 _WIDE = 0.1
 # Bodies below which an interval is wide for their number alone. An estimate, between 60 and 200
 # (`random_study.BODIES`).
@@ -147,7 +148,8 @@ def page(data: Data, command: str, laws: dict[str, Any] | None = None) -> str:
     analysis = Analysis.of(data)
     runs = analysis.runs
     sentences = findings(data, analysis)
-    # These answer from which St on averaging is good: they begin the page.
+    # These answer from which St on averaging is good: they begin the page. The words are those of
+    # `texts/accuracy-findings.md`.
     answers = [line for line in sentences if " meets an error of " in line]
     return fill(
         "accuracy",
@@ -229,7 +231,6 @@ def findings(data: Data, analysis: Analysis) -> list[str]:
         share=_BOUNDED,
         cancelled=striking,
         tried=tried,
-        cancelled_below=shares.CANCELLED,
         failures=data.references["failure"].ne("").sum(),
         slack=shares.EXPONENT_SLACK,
     )
@@ -379,7 +380,7 @@ def _gain_at(
 def _slower(data: Data, runs: Frame) -> dict[str, list[tuple[str, float, float]]]:
     """By order the kinds and errors for which it is slower than the full equations where 97.5 % meet the error.
 
-    The third number is the ratio of `gains`, below 1.
+    The third number is the ratio of `gains`, below 1. Extrapolated ratios are left out.
     """
     slower: dict[str, list[tuple[str, float, float]]] = {}
     for order in (ORDER_ONE, ORDER_TWO):
@@ -542,7 +543,7 @@ def reference_rows(data: Data) -> list[dict[str, str]]:
 
 
 def count_rows(data: Data) -> list[dict[str, Any]]:
-    """Bodies by kind and St."""
+    """Bodies by kind and St, those whose references failed too."""
     counts = data.references.groupby(["kind", "stokes"]).size().unstack(fill_value=0)
     return [
         {"kind": kind, "counts": counts.loc[kind].tolist()} for kind in kinds_in(data.references)
@@ -609,7 +610,8 @@ def _needed(answer: Needed) -> str:
     """St from which an error is met, with the sign of its source (`Needed.source`).
 
     "<": at most the smallest St measured; "~": extrapolated; ">": the extrapolated St exceeds
-    LARGEST_STOKES; "–": never, as too many bodies are refused, or too few were measured.
+    LARGEST_STOKES, or the error is missed at the largest St and nothing may be extrapolated; "–": never, as
+    too many bodies are refused, or too few were measured.
     """
     if answer.source == "beyond":
         return f"> {short(shares.LARGEST_STOKES)}"

@@ -306,7 +306,7 @@ class Laws:
     """Laws of averaging's errors in St, without and with a crossing of L² = 2EI₂.
 
     "Free" and "calm" are values without a crossing. Arrays have a value for each St, or, if
-    "between neighbouring St", one less.
+    "between neighbouring St", one less; `single` has one for each start without a crossing.
     """
 
     without: Table
@@ -430,7 +430,8 @@ _JUMP_TIME = 0.08
 # the regular oscillation out. Both are clear of the crossing itself; their places are estimates.
 _BEFORE_CROSSING = (-0.03, -0.02)
 _AFTER_CROSSING = (0.015, 0.025)
-# Largest St at which resonances are taken not to matter: an estimate.
+# Largest St at which resonances are taken not to matter: an estimate. In `averaging-order` their term equals the
+# jump's near 2.5e5.
 _MIDDLE_STOKES = 3e5
 # Standard deviation of ln(2 sin πξ), ξ uniform; its mean is 0.
 SPREAD = np.pi / np.sqrt(12)
@@ -487,9 +488,9 @@ def scatter(part: Table) -> Scatter:
 class Jumps:
     """How deviations from averaging scatter after a crossing, against the law of the jump.
 
-    Scatters are over starts, and in units of I_max. Arrays have a value for each St. Distances are
-    Kolmogorov's and Smirnov's: the largest difference of two distribution functions. They are those
-    at the smallest St.
+    Scatters are over starts, and in units of I_max. Arrays have a value for each St, `along` one for each
+    start. Distances are Kolmogorov's and Smirnov's: the largest difference of two distribution functions.
+    They are those at the smallest St.
     """
 
     stokes: np.ndarray
@@ -652,8 +653,8 @@ class CrossingJumps(Experiment):
             findings.sentence(),
             f"(1, 0.8, 0.5) from the paper's start at {len(findings.along)} fast phases. Left: distribution "
             "of the deviation from the averaged run, just after the crossing, along its main "
-            "direction, in units of its standard deviation, beside the law; right: scatter × St "
-            "before and after the crossing.",
+            "direction, in units of its standard deviation, beside the law; right: scatter before "
+            "and after the crossing, against St.",
             findings.numbers(),
         )
 
@@ -942,8 +943,11 @@ _BASIN_STOKES = 1e3
 _BASIN_TIME = 0.6
 # Distance from the node, over I_max, at which a transient has ended: an estimate.
 _NEAR_NODE = 0.02
-# z component of the axis beyond which it points along the vorticity: within 0.45 rad.
+# z component of the axis beyond which it points along the vorticity: within 0.45 rad, as `_numbers` says. A choice:
+# any up to 0.98 gives the same share.
 _ALIGNED = 0.9
+# Slow time of the runs of the averaged equations: longer than every transient, which `_numbers` checks. An estimate.
+_TRANSIENT_TIME = 2.0
 
 
 @dataclass(frozen=True)
@@ -957,8 +961,7 @@ class Basins(Experiment):
 
         |L| has its value at the node. The numbers of points and of rows of a run are estimates.
         """
-        # A slow time of 2 is longer than every transient, which `judge` checks.
-        slow_times = graded(2.0, 1201)
+        slow_times = graded(_TRANSIENT_TIME, 1201)
         # Points along either side of the map of transients (`size`) and of the map of ends
         # (`side`).
         size = grid.of(41, 9)
@@ -1027,7 +1030,9 @@ class Basins(Experiment):
             Number(
                 "median transient, slow time",
                 median,
-                Range(0.05, 0.6, "some relaxation times, each some 0.05"),
+                Range(
+                    0.05, 0.6, "some relaxation times: the slowest is 0.11, the others 0.03 to 0.05"
+                ),
             ),
             Number(
                 "the same times the slowest rate at the node",
@@ -1037,7 +1042,7 @@ class Basins(Experiment):
             Number(
                 "longest transient of the map, slow time",
                 transients.t2.max(),
-                Range(median, 2.0, "the length of the runs"),
+                Range(median, 0.999 * _TRANSIENT_TIME, "all arrive before their runs end"),
             ),
             Number(
                 "share of starts that end with z' up",
