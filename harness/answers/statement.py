@@ -4,8 +4,10 @@ Both runs are compared at `INNER` times of their own, so that the statement hold
 and does not depend on the rows that the user asks for.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import pi
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -178,7 +180,7 @@ def stated(
     turns: float,
     least: float,
     note: str,
-    rounded_steps: float = 0.0,
+    rounded: Mapping[str, float] = MappingProxyType({}),
 ) -> RunError:
     """State the error of a run whose observables at the compared times differ so from a second one's.
 
@@ -200,8 +202,8 @@ def stated(
         A difference below which two runs agree by luck.
     note : str
         What the statement rests on.
-    rounded_steps : float
-        The rounding that steps add up, in eps.
+    rounded : mapping
+        The rounding that steps add up, in eps, by what the error is of; none of what it does not name.
 
     Raises
     ------
@@ -211,9 +213,8 @@ def stated(
     momentum = np.abs(observables.angular_momentum).max(axis=0)
     size = float(max(momentum.max(), np.abs(observables.energy).max())) / max(ellipsoid.inertia)
     ends: dict[str, Interval | None] = {"slow": None, "orientation": None}
-    rounding = 0.0
-    if kind != "closed form":
-        rounding = EPS * (_ROUNDING * (1 + turns) ** _ROUNDING_GROWTH + rounded_steps)
+    # Rounding in eps that rotations add up.
+    turned = _ROUNDING * (1 + turns) ** _ROUNDING_GROWTH if kind != "closed form" else 0.0
     # The phase adds up what rounding makes of L and E, so its rounding has a factor of the rotations more.
     units = {"slow": size, "orientation": pi * (1 + turns)}
     if apart.orientation is not None:
@@ -222,7 +223,8 @@ def stated(
         apart = apart._replace(orientation=np.minimum(largest_angle, apart.orientation))
     for want, largest in apart.credited.items():
         factor = factors()[kind][family][want]
-        high = factor.high * max(largest, least) + units[want] * rounding
+        rounding = EPS * units[want] * (turned + rounded.get(want, 0.0))
+        high = factor.high * max(largest, least) + rounding
         if want == "orientation":
             high = min(pi, high)
         ends[want] = Interval(factor.middle * largest, factor.low * largest, high)

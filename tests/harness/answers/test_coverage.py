@@ -65,6 +65,18 @@ def test_a_factor_stands_above_nearly_all_runs():
     assert 1.2 < high < 1.4
 
 
+@pytest.mark.parametrize(("slow", "expected"), [(1.25e-6, 1.3), (3e-6, 3.0), (1e-6, 1.3)])
+def test_the_margin_makes_no_end_larger_than_13_times_the_error_in_the_median(
+    slow: float, expected: float
+):
+    factor = fitted.factors()["tighter"]["explicit"]["slow"].high
+    stated = [0.0, 1e-7, factor * 1e-6]
+    rows = [row(turns=10 + i, slow=1e-7, slow_stated=stated) for i in range(196)]
+    rows += [row(turns=10 + i, slow=slow, slow_stated=stated) for i in range(4)]
+    _, _, high = coverage.fitted(rows)["factors"]["tighter"]["explicit"]["slow"]
+    assert high == pytest.approx(expected, rel=0.01)
+
+
 def test_a_sort_of_few_scenes_is_not_outvoted():
     factor = fitted.factors()["tighter"]["explicit"]["slow"].high
     stated = [0.0, 1e-7, factor * 1e-6]
