@@ -89,7 +89,9 @@ class Event:
             got = values.shape
             expected = solution.times.shape
             raise ValueError(f"event {self.name!r}: got values of shape {got}, expected {expected}")
-        if values.size and np.isnan(values).all():
+        # At the start alone a quotient may be 0/0, as of a body at rest.
+        unknown = values.size > 1 or not _known(solution)
+        if values.size and np.isnan(values).all() and unknown:
             raise ValueError(f"event {self.name!r}: got no numbers, expected what the form knows")
         return values
 
@@ -100,6 +102,11 @@ class Event:
         """
         # True counts as 1: the first time.
         return happened.t[self.terminal - 1 : self.terminal] if self.terminal else happened.t[:0]
+
+
+def _known(solution: Any) -> bool:
+    """Whether the form knows all of the motion: an averaged one may know no orientation, which is NaN then."""
+    return all(np.isfinite(values).all() for values in vars(solution.observables).values())
 
 
 EventLike = str | Event | Callable[[Any], Any]

@@ -101,6 +101,11 @@ class SoughtEvent:
             with IMPORTS:
                 from scipy.optimize import brentq
 
+            # The interpolant may differ from the steps by rounding, and have no change of sign between them.
+            if before * at(low) <= 0:
+                return low
+            if value * at(high) <= 0:
+                return high
             place: Any = brentq(at, low, high, xtol=_PLACE, rtol=_PLACE, maxiter=_MAX_ITERATIONS)
             return place
         # Until `low` and `high` are neighboring doubles: the value has changed at `high`.

@@ -88,6 +88,8 @@ class Store(AbstractContextManager["Store"]):
     def _prepare(self) -> None:
         """Check the file, and make the table if it has none."""
         run = self._connection.execute
+        # First what changes nothing: a database of something else stays as it is.
+        self._check_application()
         # This statement alone does not wait while another process does the same, but fails. In WAL mode
         # readers do not wait for a writer.
         with alone(self.path.parent):
@@ -97,20 +99,26 @@ class Store(AbstractContextManager["Store"]):
             raise DamagedStoreError(f"{self.path}: the store is damaged")
         with self._connection:
             run("BEGIN IMMEDIATE")
-            tables = {name for (name,) in run("SELECT name FROM sqlite_master")}
-            application, version = (
-                run(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")
-            )
-            if (tables and "cases" not in tables) or application not in (0, _APPLICATION):
-                raise DamagedStoreError(f"{self.path}: a database of something else")
-            if tables and version != _VERSION:
-                raise DamagedStoreError(
-                    f"{self.path}: got version {version} of the store, expected {_VERSION}"
-                )
-            if not tables:
+            # Another run may have made the table meanwhile.
+            if not self._check_application():
                 run(_TABLE)
                 run(f"PRAGMA application_id = {_APPLICATION}")
                 run(f"PRAGMA user_version = {_VERSION}")
+
+    def _check_application(self) -> bool:
+        """Whether the file has a table; DamagedStoreError if it is no store, or one of another version."""
+        run = self._connection.execute
+        tables = {name for (name,) in run("SELECT name FROM sqlite_master")}
+        application, version = (
+            run(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")
+        )
+        if (tables and "cases" not in tables) or application not in (0, _APPLICATION):
+            raise DamagedStoreError(f"{self.path}: a database of something else")
+        if tables and version != _VERSION:
+            raise DamagedStoreError(
+                f"{self.path}: got version {version} of the store, expected {_VERSION}"
+            )
+        return bool(tables)
 
     def close(self) -> None:
         """Close the file."""
@@ -183,6 +191,9 @@ class Store(AbstractContextManager["Store"]):
         """DamagedStoreError if the file is no readable database of ours; OSError if it cannot be opened or written."""
         try:
             yield
+        except sqlite3.ProgrammingError:
+            # A mistake of the caller's, such as another thread's store, is no damage.
+            raise
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
             # An OperationalError is about the place, such as a full disk, unless its words are about the
             # contents. All other errors are about the contents.
