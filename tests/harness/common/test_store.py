@@ -393,3 +393,19 @@ def test_a_result_is_made_once_and_comes_as_it_is_stored(path: Path):
         second = store.made_once("a" * 64, {"case": 1}, make)
     assert first == second == {"pair": [1, 2]}
     assert len(made) == 1
+
+
+def test_a_database_of_something_else_is_not_touched(tmp_path: Path):
+    path = tmp_path / "other.sqlite"
+    with closing(sqlite3.connect(path)) as other:
+        other.execute("CREATE TABLE x (a)")
+        other.commit()
+    before = path.read_bytes()
+    with pytest.raises(DamagedStoreError, match="a database of something else"):
+        Store(path)
+    assert path.read_bytes() == before
+
+
+def test_a_mistake_of_the_callers_is_no_damage(tmp_path: Path):
+    with Store(tmp_path / "store.sqlite") as store, pytest.raises(sqlite3.ProgrammingError):
+        _ = {} in store
