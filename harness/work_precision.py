@@ -30,7 +30,7 @@ from polhode.harness.common.progress import Progress, Steps
 from polhode.harness.common.store import Record, Store
 from polhode.harness.common.timing import BUDGET, Timing, collector_off, within
 from polhode.harness.common.worker import Failure, KilledFromOutsideError, Worker
-from polhode.harness.ivp import atol_of, check_samples
+from polhode.harness.ivp import atol_of, check_positive, check_samples
 from polhode.harness.references.any_problem import OwnReference, reference_of
 from polhode.harness.references.extended import ReferenceFailedError
 from polhode.harness.references.uncertainty import least_known
@@ -38,7 +38,7 @@ from polhode.harness.studies.own_problem import check_jacobian, moved_start
 from polhode.harness.studies.runner import COMPILATION, how_failed
 from polhode.harness.studies.setups import FUNCTION, Setup, as_setups, run_function, users_times
 from polhode.models.libraries import need
-from polhode.models.own_function import OwnField, place_of
+from polhode.models.own_function import OwnField, in_one_line, place_of
 from polhode.models.problem import Problem
 from polhode.models.problems.catalogue import PROBLEMS
 from polhode.models.problems.classical import Classical
@@ -177,8 +177,11 @@ class WorkPrecision:
             raise ValueError(
                 f"error: got {error!r}{hint(str(error), _ERRORS)}, expected one of {', '.join(_ERRORS)}"
             )
-        if not max_seconds > 0:
-            raise ValueError(f"max_seconds: got {max_seconds!r}, expected a positive number")
+        check_positive("max_seconds", max_seconds)
+        for name, numbers in (over or {}).items():
+            if not (np.iterable(numbers) and [*numbers]) or isinstance(numbers, str):
+                expected = f"values of {name!r} in a sequence, at least one"
+                raise ValueError(f"over: got {in_one_line(numbers)}, expected {expected}")
         self.solvers = solvers
         self.tolerances = tuple(values)
         self.samples = samples
@@ -348,8 +351,15 @@ class WorkPrecision:
         return pd.DataFrame(rows)
 
     def _refusal(self, setup: Setup) -> str:
-        """Why a solver does not take a function in plain Python; empty if it does, and for any other function."""
-        if setup.solver is None or not self.one.plain:
+        """Why a solver does not take a function in plain Python, or a function no singular mass matrix; else empty.
+
+        A solver that does not take a compiled function raises its error when it runs.
+        """
+        if setup.solver is None:
+            if self.one.parameters is None:
+                return "the mass matrix is singular, and a function gets f alone"
+            return ""
+        if not self.one.plain:
             return ""
         try:
             setup.solver.check(self.one)
@@ -454,7 +464,11 @@ class WorkPrecision:
         if not setup.has_atol and self.atol is None:
             return None
         if callable(self.atol):
-            return self.atol(tolerance)
+            try:
+                return self.atol(tolerance)
+            except Exception as error:
+                failure = f"{type(error).__name__}: {error}{place_of(error, __file__)}"
+                raise ValueError(f"atol: got {failure}, expected a number") from error
         if self.atol is not None:
             return self.atol
         return atol_of(tolerance, self.one.start[: self._components])[0]
@@ -611,6 +625,11 @@ def _with_parameters(problem: Problem, point: dict[str, float]) -> Problem:
             expected = f"one of {', '.join(names)}" if names else "a function with parameters"
             raise ValueError(f"over: got {name!r}{hint(name, names)}, expected {expected}")
         parameters[names.index(name)] = float(value)
+    if problem.parameters is None:
+        # The mass matrix is singular: there is no explicit form.
+        assert problem.mass_form
+        mass_form = replace(problem.mass_form, parameters=tuple(parameters))
+        return replace(problem, mass_form=mass_form)
     return replace(problem, parameters=tuple(parameters))
 
 

@@ -1,6 +1,8 @@
 """Mass matrices of users' functions: ``M y' = f(t, y)``, whatever M is."""
 
+import inspect
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -32,7 +34,8 @@ def mass_of(matrix: Any, dimension: int) -> np.ndarray | None:
     except (TypeError, ValueError):
         mass = np.empty(0)
     if mass.shape not in ((dimension,), (dimension, dimension)) or not np.isfinite(mass).all():
-        raise ValueError(f"mass: got {dense!r:.60}, expected {expected}")
+        got = " ".join(f"{dense!r:.60}".split())
+        raise ValueError(f"mass: got {got}, expected {expected}")
     if mass.ndim == 2 and not (mass - np.diag(mass.diagonal())).any():
         mass = mass.diagonal().copy()
     if mass.ndim == 2 and dimension > _MAX_FULL_MASS:
@@ -90,6 +93,9 @@ class Unmassed:
         self.mass = mass
         self.inverse = 1 / mass if mass.ndim == 1 else np.linalg.inv(mass)
         self.__name__ = getattr(function, "__name__", "f")
+        # The names of the function's parameters.
+        with suppress(ValueError):
+            self.__signature__ = inspect.signature(function)
 
     def __call__(self, t: float, y: Any, *parameters: float) -> Any:
         """Rates."""

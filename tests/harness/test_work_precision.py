@@ -449,3 +449,53 @@ def test_a_run_without_a_result_looks_hollow_and_is_in_the_legend():
     plt.close(figure)
     assert middle.min() == 255, "the middle of the marker is filled"
     assert around.min() < 128, "there is no marker"
+
+
+def algebraic(t, y, k):
+    return [-k * y[0], y[1] - 2 * y[0]]
+
+
+def test_parameters_of_algebraic_equations_reach_the_solver():
+    problem = Problem.from_function(algebraic, [1.0, 2.0], 1.0, [1.0], mass=[1, 0])
+    frame = WorkPrecision(
+        problem,
+        ["ida"],
+        tolerances=(1e-8,),
+        over={"k": [1.0, 3.0]},
+        reference=lambda t, k: [np.exp(-k * t), 2 * np.exp(-k * t)],
+        quiet=True,
+    ).frame
+    assert list(frame["status"]) == [Status.REACHED_END] * 2
+    assert (frame["error"] < 1e-6).all()
+
+
+def test_a_function_gets_no_algebraic_equations():
+    problem = Problem.from_function(algebraic, [1.0, 2.0], 1.0, [1.0], mass=[1, 0])
+    row = WorkPrecision(problem, {"mine": rk23}, tolerances=(1e-6,), quiet=True).frame.iloc[0]
+    assert row["status"] == "refused"
+    assert row["message"] == "the mass matrix is singular, and a function gets f alone"
+
+
+def test_a_parameter_beside_a_mass_matrix_is_known_by_name():
+    problem = Problem.from_function(
+        lambda t, y, k: [-k * y[0], y[0]], [1.0, 0.0], 1.0, [1.0], mass=[1, 2]
+    )
+    study = WorkPrecision(problem, ["dop853"], tolerances=(1e-6,), over={"k": [1.0, 2.0]})
+    ends = [one.reference[0][-1, 0] for _, one in study.studies]
+    assert ends == pytest.approx([np.exp(-1), np.exp(-2)], rel=1e-9)
+
+
+@pytest.mark.parametrize("values", [3.0, [], "12"])
+def test_values_of_a_parameter_are_a_sequence(values):
+    problem = Problem.from_function(decaying, [1.0], 1.0)
+    with pytest.raises(ValueError, match="expected values of 'k' in a sequence, at least one"):
+        WorkPrecision(problem, ["dop853"], over={"k": values})
+
+
+def test_a_function_for_atol_that_fails_is_named():
+    problem = Problem.from_function(decaying, [1.0], 1.0)
+    study = WorkPrecision(
+        problem, ["dop853"], tolerances=(1e-6,), atol=lambda rtol: 1 / 0, quiet=True
+    )
+    with pytest.raises(ValueError, match=r"atol: got ZeroDivisionError: .*test_work_precision"):
+        _ = study.frame
