@@ -28,7 +28,7 @@ from polhode.models.scene import Scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.compile import check_field
 from polhode.solvers.contract import Record, Solver, Status, Work
-from polhode.solvers.solve import Solution
+from polhode.solvers.solve import Interrupted, Solution
 
 SceneLike = Scene | str | PathLike[str]
 FormLike = str | Form | None
@@ -88,7 +88,10 @@ class Plan:
         solution = self.observed(answer.solution, answer.method.form)
         solution = replace(solution, error=stated.at(solution.times / self.scene.time))
         # Events are looked for from the start on, which the requested times may leave out.
-        solution = with_events(solution, events) if events else solution
+        try:
+            solution = with_events(solution, events) if events else solution
+        except KeyboardInterrupt:
+            raise Interrupted(answer.solution) from None
         if self.times[0] == 0 or len(solution.times) == 1:
             return solution
         # The row of the start was not requested. A run that failed at once has no other, and keeps it.

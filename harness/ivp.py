@@ -38,6 +38,9 @@ _FEW_COMPONENTS = 20
 _MAX_SAMPLES = 10_000_000
 # Characters of a wrong value that a message shows. An estimate: they tell which value it is.
 _SHOWN_CHARACTERS = 60
+# Rounding of a time that is counted from another start and back, in eps of the larger one. An estimate: each of two
+# operations rounds by half an eps of its result.
+_SLACK_IN_EPS = 4.0
 # Relative tolerance where none is given. A convention: SciPy's is 1e-3, which is loose for a solver of
 # order 8 as the one by default.
 _DEFAULT_RTOL = 1e-6
@@ -145,11 +148,15 @@ def solve_ivp(
         )
     require_numbers("t_span", t_span, 2)
     check_tolerance("rtol", rtol)
-    if not max_seconds > 0:
-        raise ValueError(f"max_seconds: got {max_seconds!r}, expected a positive number")
+    check_positive("max_seconds", max_seconds)
+    check_positive("max_step", max_step)
+    if not isinstance(max_steps, Integral):
+        raise ValueError(f"max_steps: got {in_one_line(max_steps)}, expected a whole number")
     if t_span[0] == t_span[1] or not all(map(isfinite, t_span)):
         raise ValueError(f"t_span: got {t_span!r}, expected a start and another, finite end")
     began, end = map(float, t_span)
+    if not isfinite(end - began):
+        raise ValueError(f"t_span: got {t_span!r}, expected a finite duration")
     args = () if args is None else _numbers_of(args)
     structure = {"jac_sparsity": jac_sparsity, "lband": lband, "uband": uband, "mass": mass}
     problem = Problem.from_function(
@@ -241,10 +248,19 @@ def _requested_times(
 ) -> np.ndarray:
     """Requested times of a run, which begins at 0, increasing; `count` equispaced ones by default."""
     if t_eval is None:
-        return np.linspace(0.0, duration, count) if count > 2 else np.array([0.0, duration])
+        times = np.linspace(0.0, duration, count) if count > 2 else np.array([0.0, duration])
+        if not _rise(times):
+            expected = f"a duration that holds {count} different times"
+            raise ValueError(f"t_span: got {(began, end)!r}, expected {expected}")
+        return times
     if end > began:
-        return increasing("t_eval", t_eval, began, end) - began
-    return began - decreasing("t_eval", t_eval, began, end)
+        times = increasing("t_eval", t_eval, began, end) - began
+    else:
+        times = began - decreasing("t_eval", t_eval, began, end)
+    if not _rise(times):
+        expected = f"times that still differ when counted from the start, {in_full(began)}"
+        raise ValueError(f"t_eval: got {in_one_line(t_eval)}, expected {expected}")
+    return times
 
 
 def _sought(events: Any, value: Callable[..., Any]) -> list[SoughtEvent]:
@@ -284,7 +300,11 @@ def _states_of(event: SoughtEvent, d: int) -> np.ndarray:
 
 def _sol(run: Solution, began: float, direction: float, d: int, t: Any) -> np.ndarray:
     """SciPy's `sol`: states at the user's times t, shape (d,) for a number and (d, k) for k of them."""
-    return run.sol(direction * (np.asarray(t) - began))[:d]
+    times = direction * (np.asarray(t) - began)
+    # The last of the user's times, as the solution shows it, may lie beyond the last row by rounding.
+    last = run.times[-1]
+    slack = _SLACK_IN_EPS * np.finfo(float).eps * max(abs(began), abs(last))
+    return run.sol(np.where((times > last) & (times <= last + slack), last, times))[:d]
 
 
 def _words(run: Solution) -> str:
@@ -311,6 +331,12 @@ def atol_of(rtol: float | Sequence[float], y0: Sequence[float]) -> tuple[float, 
     if size > 0:
         return least * size, ""
     return least, f"atol = rtol = {least:g}, as y0 is 0; give atol if the solution is small"
+
+
+def check_positive(name: str, value: Any) -> None:
+    """Raise ValueError unless it is a positive number."""
+    if not (isinstance(value, Real) and float(value) > 0):
+        raise ValueError(f"{name}: got {in_one_line(value)}, expected a positive number")
 
 
 def check_tolerance(name: str, value: Any) -> None:

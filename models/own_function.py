@@ -320,7 +320,11 @@ def _check_signature(
     f: Callable[..., Any], time: float, start: tuple[float, ...], parameters: tuple[float, ...]
 ) -> None:
     """ValueError unless the function takes (t, y, *parameters), and calls its second argument neither t nor time."""
-    signature = inspect.signature(f)
+    try:
+        signature = inspect.signature(f)
+    except ValueError:
+        # Functions of C have none: the rates at the start tell whether it can be called.
+        return
     try:
         signature.bind(time, start, *parameters)
         if [*signature.parameters][1:2] in (["t"], ["time"]):
@@ -345,9 +349,10 @@ def place_of(error: BaseException, *skipped: str) -> str:
 def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
     """A sequence's numbers as floats; ValueError unless all are real and finite."""
     numbers = None
-    with suppress(TypeError, ValueError):
+    with suppress(TypeError, ValueError, OverflowError):
         array = np.asarray(values)
-        if array.ndim == 1 and array.dtype.kind != "c":
+        # Booleans, whole numbers, floats, and objects that become floats.
+        if array.ndim == 1 and array.dtype.kind in "biufO":
             numbers = tuple(array.astype(float).tolist())
     if numbers is None or not all(map(math.isfinite, numbers)):
         expected = f"a sequence of finite numbers{_way_out(name, values)}"

@@ -241,7 +241,7 @@ class Problem:
             In one line, what is wrong with f or the numbers, and what was expected.
         """
         structure = jacobian, jac_sparsity, lband, uband
-        masses = mass_of(mass, len(y0)) if mass is not None else None
+        masses = mass_of(mass, np.size(y0)) if mass is not None else None
         start, field = own_field(f, y0, (t_start, t_end), parameters, structure, masses)
         name = name or getattr(f, "__name__", "f")
         duration = abs(float(t_end - t_start))

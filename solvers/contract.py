@@ -8,6 +8,7 @@ from enum import StrEnum
 from functools import cache
 from importlib import import_module
 from math import inf
+from numbers import Real
 from pathlib import Path
 from time import perf_counter
 from typing import Any, ClassVar, Literal
@@ -453,7 +454,7 @@ class Solver(ABC):
         return Settings(rtol, offered, chosen, count, absolute, max_step, first_step)
 
     def _check_limit(self, name: str, limit: float) -> None:
-        if not limit > 0:
+        if not (isinstance(limit, Real) and limit > 0):
             raise SolverNotValidError(f"{name}: got {limit!r}, expected a positive number")
         if name not in self.limits:
             raise SolverNotValidError(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from polhode.models.former import Former
-from polhode.models.own_function import MAX_EXACT_JACOBIAN, OwnField
+from polhode.models.own_function import MAX_EXACT_JACOBIAN, OwnField, in_one_line
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import as_it_stands, as_plain
@@ -380,7 +380,7 @@ def _requested_times(problem: Problem, times: np.ndarray | None) -> np.ndarray:
         or times[-1] == inf
     ):
         raise ValueError(
-            f"times: got {times!r}, expected at least two increasing finite numbers from 0 on"
+            f"times: got {in_one_line(times)}, expected at least two increasing finite numbers from 0 on"
         )
     if problem.next_segment and times[-1] > problem.end:
         raise ValueError(

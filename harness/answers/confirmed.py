@@ -150,8 +150,8 @@ def _confirmed(runner: Runner, run: Run) -> RunError:
 
 def _believed(runner: Runner, run: Run, error: RunError) -> Answer:
     """The answer that a run is, its success taken from it where that is known to be false."""
-    solution = runner.rows(run.solution)
     with _kept(runner, run):
+        solution = runner.rows(run.solution)
         words = doubt(runner, run, error)
     if words:
         solution = replace(solution, status=Status.FALSE_SUCCESS, message=words)

@@ -397,3 +397,29 @@ def test_an_error_to_pick_for_is_a_number():
 def test_what_is_no_scene_is_refused_in_one_line(given):
     with pytest.raises(ValueError, match="expected a Scene, a file or a built-in scene's name"):
         solve(given)
+
+
+def test_ctrl_c_while_events_are_looked_for_keeps_the_run():
+    calls = 0
+
+    def interrupted(motion):
+        nonlocal calls
+        calls += 1
+        # The first call is at the start, before the run.
+        if calls > 1:
+            raise KeyboardInterrupt
+        return motion.t - 1.0
+
+    with pytest.raises(Interrupted) as stop:
+        solve("paper", events=interrupted)
+    assert stop.value.solution.success
+
+
+def test_an_event_may_have_no_value_at_the_start():
+    def share(motion):
+        size = np.linalg.norm(motion.angular_momentum, axis=1)
+        with np.errstate(invalid="ignore"):
+            return motion.angular_momentum[:, 2] / size + 0.5
+
+    assert np.isnan(share(solve("rest-500"))[0])
+    assert solve("rest-500", events=share).success

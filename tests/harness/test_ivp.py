@@ -232,3 +232,59 @@ def test_what_is_no_function_is_refused_in_one_line():
     for start in ([1 + 0j, 0j], np.array([1 + 0j, 0j])):
         with pytest.raises(ValueError, match=r"^y0: got .*: give real and imaginary parts"):
             solve_ivp(oscillator, (0, 1), start)  # pyright: ignore
+
+
+@pytest.mark.parametrize(
+    ("f", "start", "right"),
+    [
+        # y₀ falls below 0.3 at t = 1.204, y₂ is below it from the start on.
+        (lambda t, y: [-y[0], 1.0 * ((y[0] > 0.3) == (y[2] > 0.3)), -2 * y[2]], [1, 0, 0.2], 1.796),
+        (lambda t, y: [1.0, 2.0 if (y[0] > 1) == True else 0.5], [0, 0], 4.5),  # noqa: E712
+        (lambda t, y: [1.0, 1.0 * ((y[0] > 1) != (t > 2))], [0, 0], 1.0),
+        (lambda t, y: [1.0, 1.0 if (t > 1) in (True, 1) else 0.0], [0, 0], 2.0),
+    ],
+)
+def test_comparisons_of_comparisons_are_those_of_python(f, start, right):
+    assert solve_ivp(f, (0, 3), start).y[1, -1] == pytest.approx(right, abs=2e-3)
+
+
+def test_sol_takes_the_last_time_that_is_shown():
+    """Counted from a start other than 0 and back, it may lie beyond the last row by rounding."""
+
+    def passed(t, y):
+        return y[0] - 0.37123
+
+    passed.terminal = True
+    for began in np.linspace(0.1, 3, 40):
+        run = solve_ivp(lambda t, y: [-y[0]], (began, began + 5), [1.0], events=passed)
+        assert run.sol(run.t[-1])[0] == pytest.approx(0.37123)
+        with pytest.raises(ValueError, match="expected times from"):
+            run.sol(run.t[-1] + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"max_seconds": None}, "max_seconds: got None, expected a positive number"),
+        ({"max_step": "a"}, "max_step: got 'a', expected a positive number"),
+        ({"first_step": "a"}, "first_step: got 'a', expected a positive number"),
+        ({"max_steps": 1.5}, "max_steps: got 1.5, expected a whole number"),
+        ({"y0": 1.0, "mass": [1]}, "y0: got 1.0, expected a sequence of finite numbers"),
+        ({"y0": ["1"]}, r"y0: got \['1'\], expected a sequence of finite numbers"),
+        ({"y0": np.array(["2020-01-01"], dtype="datetime64[s]")}, "y0: got array"),
+        ({"y0": [10**400]}, "y0: got .10000"),
+        ({"t_span": (-1e308, 1e308)}, "t_span: got .*, expected a finite duration"),
+        ({"t_span": (0, 5e-324)}, "t_span: got .*, expected a duration that holds 201 different"),
+        (
+            {"t_span": (-1e10, 1.0), "t_eval": [1e-8, 2e-8]},
+            "t_eval: got .*, expected times that still differ when counted from the start, -1e10",
+        ),
+        ({"mass": np.ones((2, 3))}, r"mass: got array\(\[\[1., 1., 1.\], \[1"),
+        ({"fun": max, "y0": [1.0, 2.0]}, "f: got ValueError at the start"),
+    ],
+)
+def test_values_of_the_wrong_kind_are_refused_in_a_line(given: dict, words: str):
+    arguments = {"fun": lambda t, y: [-y[0]], "t_span": (0, 1), "y0": [1.0], **given}
+    with pytest.raises(ValueError, match=words) as refusal:
+        solve_ivp(**arguments)
+    assert "\n" not in str(refusal.value)
