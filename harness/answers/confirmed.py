@@ -33,6 +33,7 @@ from polhode.harness.answers.rules import (
     Method,
     first_available,
     first_tolerance,
+    flow_rate,
     full_solver,
     is_efficient,
     is_ours,
@@ -303,9 +304,8 @@ def _confirmation(runner: Runner, run: Run) -> RunError:
         scene = runner.scene
         observables = run.observables
         # Without inertia the flow alone turns the body, and L and E follow its orientation.
-        apart = of_rounding(
-            scene.ellipsoid, observables, turns(scene, observables), scene.stokes == 0
-        )
+        rate = flow_rate(scene) if scene.stokes == 0 else 0.0
+        apart = of_rounding(scene.ellipsoid, observables, turns(scene, observables), rate)
         return _stated(runner, run, "closed form", "exact", apart, "closed form: rounding")
     if run.averaged:
         return _stated(runner, run, *averaging.compared(runner, run))

@@ -64,6 +64,11 @@ class Method(NamedTuple):
     solver: Solver
 
 
+def flow_rate(scene: Scene) -> float:
+    """The rate at which a scene's flow turns a body without inertia, in rad per unit of time; an estimate."""
+    return _SHEAR if scene.flow is None else scene.flow.rate
+
+
 # The limit bounds memory alone.
 @lru_cache(maxsize=1000)
 def rotations(scene: Scene) -> float:
@@ -73,7 +78,7 @@ def rotations(scene: Scene) -> float:
     damping times in the run's time T: in the mean over the run the exponential is (1 - exp(-S))/S.
     `references.rotations` counts along the motion instead, and takes milliseconds to tenths of a second.
     """
-    rate = _SHEAR if scene.flow is None else scene.flow.rate
+    rate = flow_rate(scene)
     if isinstance(scene.start, SlowStart):
         return rate * scene.time / (2 * pi)
     speed = float(np.linalg.norm(scene.angular_velocity))

@@ -241,16 +241,18 @@ def stated(
 
 
 def of_rounding(
-    ellipsoid: Ellipsoid, observables: Observables, turns: float, slow_grows: bool
+    ellipsoid: Ellipsoid, observables: Observables, turns: float, flow_rate: float
 ) -> Difference:
     """Rounding errors of a closed form, in units that factors multiply.
 
-    The phase's grow with the rotations, and so do errors of L and E where these follow the phase.
+    The phase's grow with the rotations. So do errors of L and E where these follow the phase, as of a body without
+    inertia in a flow that turns it at `flow_rate`. They are sums of terms of that size, which may cancel. Else
+    `flow_rate` is 0.
     """
     momentum = np.abs(observables.angular_momentum).max()
     size = float(max(momentum, np.abs(observables.energy).max())) / max(ellipsoid.inertia)
     unit = np.full(len(observables.energy), EPS)
-    slow = size * unit * (1 + turns if slow_grows else 1)
+    slow = max(size, flow_rate) * unit * (1 + turns if flow_rate else 1)
     if ellipsoid.kind == "sphere":
         return Difference(slow, None)
     return Difference(slow, pi * unit * (1 + turns))

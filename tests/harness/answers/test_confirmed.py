@@ -257,6 +257,17 @@ def test_a_closed_form_has_rounding_alone():
     assert 0 < found.error.slow.high < 1e-11
 
 
+def test_terms_that_cancel_round_by_their_own_size():
+    """Without inertia a thin disc hardly turns at some poses, as two terms of the flow's rate cancel."""
+    # The axis lies along the gradient of the flow.
+    quaternion = EulerStart((pi / 2, 0.0, 0.0)).quaternion
+    thin = Scene(Ellipsoid((1.0, 1.0, 0.02)), 0.0, BodyStart(quaternion, (0.0, 0.0, 0.0)), 1e-6)
+    error = solve(thin, form="jeffery", solver="exact", tolerance=1.0).error
+    size = np.abs(solve(thin, form="jeffery", solver="exact").angular_momentum).max()
+    assert size < 1e-3
+    assert error.slow.high > 0.1 * np.finfo(float).eps
+
+
 def test_no_two_orientations_are_further_apart_than_half_a_turn():
     found = solve(replace(named_scene("jeffery"), time=1e18), solver="exact", samples=3)
     assert found.error.orientation.high == np.pi
