@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from polhode import solve
 from polhode.harness.answers import pace as paces
 from polhode.harness.answers.pick import pick
 from polhode.harness.answers.questions import questions
@@ -139,11 +140,17 @@ def test_averaged_forms_are_measured_against_splitting():
     """What second order states of itself here is more than the error requested, and its error is less."""
     question = questions(9402, 57)[56]
     named = [("averaged-second-order", "cyrk-tsit5")]
-    found = pick(question.scene, question.error, question.want, question.samples, names=named)
+    # A little above what the difference from splitting states.
+    error = 1.3 * question.error
+    found = pick(question.scene, error, question.want, question.samples, names=named)
     rows = found.ranking
     (row,) = [row for row in rows if row.form == "averaged-second-order"]
     assert "differs from spheroid-axis by splitting" in row.reason
-    assert row.error.high <= question.error
+    assert row.error.high <= error
+    itself = solve(
+        question.scene, form="averaged-second-order", solver="cyrk-tsit5", tolerance=row.tolerance
+    )
+    assert itself.error.slow.high > error
 
 
 def test_steps_are_timed_in_runs_that_they_take_most_of(monkeypatch):
