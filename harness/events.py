@@ -106,7 +106,10 @@ class Event:
 
 def _known(solution: Any) -> bool:
     """Whether the form knows all of the motion: an averaged one may know no orientation, which is NaN then."""
-    return all(np.isfinite(values).all() for values in vars(solution.observables).values())
+    observables = getattr(solution, "observables", None)
+    # A solution of a problem has no observables, and knows its states.
+    known = vars(observables).values() if observables else [solution.states]
+    return all(np.isfinite(values).all() for values in known)
 
 
 EventLike = str | Event | Callable[[Any], Any]
