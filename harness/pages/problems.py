@@ -35,9 +35,10 @@ def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     `rows` are records of `polhode.harness.work_precision.run_problems`.
     """
     # The page says these once for all runs. Rows of earlier runs lack "code".
-    told_once = ["machine", "versions", "commit", "code"]
+    told_once = ["machine", "versions", "commit", "code", "date"]
     table = pd.DataFrame(rows).drop(columns=told_once, errors="ignore")
-    write_file(folder / "runs.csv", table.to_csv(index=False))
+    # Five significant digits: times and errors are known to fewer.
+    write_file(folder / "runs.csv", table.to_csv(index=False, float_format="%.5g"))
     return _write(table, folder, provenance(command, rows))
 
 
