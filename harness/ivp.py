@@ -149,7 +149,6 @@ def solve_ivp(
     require_numbers("t_span", t_span, 2)
     check_tolerance("rtol", rtol)
     check_positive("max_seconds", max_seconds)
-    check_positive("max_step", max_step)
     if not isinstance(max_steps, Integral):
         raise ValueError(f"max_steps: got {in_one_line(max_steps)}, expected a whole number")
     if t_span[0] == t_span[1] or not all(map(isfinite, t_span)):

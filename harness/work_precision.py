@@ -178,8 +178,12 @@ class WorkPrecision:
                 f"error: got {error!r}{hint(str(error), _ERRORS)}, expected one of {', '.join(_ERRORS)}"
             )
         check_positive("max_seconds", max_seconds)
+        self.over: dict[str, list[float]] = {}
         for name, numbers in (over or {}).items():
-            if not (np.iterable(numbers) and [*numbers]) or isinstance(numbers, str):
+            is_text = isinstance(numbers, str)
+            # Read once: an iterator has its values no second time.
+            self.over[name] = [*numbers] if np.iterable(numbers) and not is_text else []
+            if not self.over[name]:
                 expected = f"values of {name!r} in a sequence, at least one"
                 raise ValueError(f"over: got {in_one_line(numbers)}, expected {expected}")
         self.solvers = solvers
@@ -194,7 +198,6 @@ class WorkPrecision:
         if classical and atol is None:
             self.atol = classical.atol
         self.own_reference = reference
-        self.over = dict(over or {})
         began = perf_counter()
         # Traces a user's function once, for all runs.
         self.problem = frozen(problem) if isinstance(problem, Problem) else problem

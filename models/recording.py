@@ -355,9 +355,6 @@ class Condition(_Protocols):
     def __ne__(self, other: Any) -> Any:
         return _compared(np.not_equal, self, other)
 
-    # A class that compares has no hash unless it names one; the protocols' stays.
-    __hash__ = _Protocols.__hash__
-
     def __bool__(self) -> bool:
         raise _recorder().fail("branches on the state or the time")
 

@@ -90,10 +90,9 @@ class Segment:
         self.budget = error / raced.growth(want) / raced.spread
         self.runner = Remembering(raced.scene)
         self.reference: Observables | None = None
-        self.apart = (
-            inf  # Predicted error of the usual run, whether or not it becomes the reference.
-        )
-        self.most = inf  # Upper end of that error.
+        # Predicted error of the usual run, whether or not it becomes the reference, and the error's upper end.
+        self.apart = inf
+        self.most = inf
         self.looked = False  # Whether the reference has been looked for.
 
     def find_reference(self) -> None:

@@ -1,7 +1,7 @@
 """Common to the full forms: the vector equation `ultima` along the body axes, and the rates of a quaternion.
 
-Parameters p of a full form are (alpha, beta, *shape, *flow), without the flow in simple shear. Of `quaternion`
-and `euler-angles`, which take every ellipsoid, they are:
+Parameters p of a full form are (alpha, beta, *shape, *flow), without the flow in simple shear. The forms
+`quaternion` and `euler-angles`, which take every ellipsoid, have these:
 
 - p[0]: alpha;
 - p[1]: beta;

@@ -63,8 +63,8 @@ class SecondOrder(Form):
     def check(self, scene: Scene) -> None:
         """Refuse what second order does not follow.
 
-        It follows no spheres, no other flow than shear, no St = 0, inf or too small, no start without orientation
-        or with L = 0, and no run that reaches a time at which averaging fails.
+        These are spheres, flows other than shear, and St that is 0, infinite or too small. So are starts without
+        orientation or with L = 0, and runs that reach a time at which averaging fails.
         """
         self.require_flow(scene)
         if scene.ellipsoid.kind == "sphere":

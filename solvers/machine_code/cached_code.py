@@ -24,6 +24,8 @@ _DATABASE = "cache.db"
 _CHECKSUMS = "sums.json"
 # Column of the table that heyoka changes whenever it reads a row.
 _CHANGING_COLUMN = "last_access"
+# Bits of an extended error code of SQLite that have the primary code.
+_PRIMARY_CODE = 0xFF
 # Place of a column's name in a row of SQLite's `table_info`.
 _NAME = 1
 
@@ -45,7 +47,9 @@ def check(folder: Path) -> bool:
         noted = _noted_checksums(folder)
         checksums = _checksums(folder)
     except DatabaseError as error:
-        if error.sqlite_errorcode in (SQLITE_BUSY, SQLITE_LOCKED):
+        # Errors of Python's own, such as text that is no UTF-8, have no code.
+        code = getattr(error, "sqlite_errorcode", 0)
+        if code & _PRIMARY_CODE in (SQLITE_BUSY, SQLITE_LOCKED):
             return False
         reason = str(error)
     else:

@@ -94,9 +94,8 @@ class Number:
     def __pos__(self) -> "Number":
         return self
 
-    # Unlike the four above, a power whose base or exponent is an array, the other one a traced
-    # number, is refused by a FieldError, unless the exponent is a whole number as an array without
-    # dimensions. `np.array(y) ** 2` is NumPy's, element by element.
+    # Unlike the four above, a power of a traced number and an array is refused by a FieldError. An exponent
+    # that is a whole number in an array without dimensions is taken. `np.array(y) ** 2` is NumPy's, element by element.
     def __pow__(self, exponent: Any) -> Any:
         if isinstance(exponent, Number) or exponent not in _MULTIPLIED_OUT:
             return call("pow", self, exponent)

@@ -485,6 +485,15 @@ def test_a_parameter_beside_a_mass_matrix_is_known_by_name():
     assert ends == pytest.approx([np.exp(-1), np.exp(-2)], rel=1e-9)
 
 
+def test_values_of_a_parameter_may_be_read_once():
+    study = WorkPrecision(
+        Problem.from_function(lambda t, y, k: [-k * y[0]], [1.0], 1.0, [1.0]),
+        ["dop853"],
+        over={"k": iter([1.0, 2.0])},
+    )
+    assert [point for point, _ in study.studies] == [{"k": 1.0}, {"k": 2.0}]
+
+
 @pytest.mark.parametrize("values", [3.0, [], "12"])
 def test_values_of_a_parameter_are_a_sequence(values):
     problem = Problem.from_function(decaying, [1.0], 1.0)

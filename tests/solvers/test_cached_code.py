@@ -103,3 +103,13 @@ def test_an_entry_that_another_process_drops_meanwhile_gets_no_checksum(
     monkeypatch.setattr(sqlite3, "connect", partial(connect, factory=Dropping))
     cached_code.note(tmp_path)
     assert not (tmp_path / "sums.json").exists()
+
+
+def test_text_that_is_no_text_counts_as_damage(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    database = cached(tmp_path)
+    with closing(sqlite3.connect(database)) as kept:
+        kept.execute("UPDATE cache SET obj = CAST(x'ff80' AS TEXT)")
+        kept.commit()
+    assert cached_code.check(tmp_path)
+    assert not database.exists()
+    assert "damaged (Could not decode to UTF-8 column" in capsys.readouterr().err
