@@ -52,9 +52,9 @@ _OF_SUCCESSES = (
     "orientation_uncertainty",
     "seconds",
 )
-# Seven significant digits of numbers in `runs.csv`: times and errors are known to fewer. St and durations are
+# Six significant digits of numbers in `runs.csv`: times and errors are known to fewer. St and durations are
 # rounded as well; `records.jsonl.gz` has all their digits.
-_CSV_NUMBER = "%.7g"
+_CSV_NUMBER = "%.6g"
 # pandas before 3.1 reads a number to its last bit only if it is told to. Later ones warn of being told.
 _PANDAS = tuple(map(int, pd.__version__.split(".")[:2]))
 _EXACT = {"float_precision": "round_trip"} if _PANDAS < (3, 1) else {}
