@@ -395,41 +395,71 @@ def test_readme_says_what_there_is():
     assert f" and {NUMBERS[len(own)]} of its own " in readme
 
 
-def test_readme_says_what_was_found_on_the_paper_and_on_the_map():
+def test_readme_says_what_was_found_on_the_paper():
     readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     paper = re.search(r"\n(\d+ items: [^.]*)\.", text("paper/README.md"))
     assert paper
     assert paper[1] in readme
-    said = re.search(
-        r"explicit solvers lead by (\S+) times in the median .*? by (\S+) times", readme
-    )
-    assert said, "what it says of leads has changed"
-    line = re.search(
-        r"- The ellipsoid, orientation: .*?explicit solvers win .*?by (\S+) × in the median"
-        r".*?methods made for large St win .*?by (\S+) × in the median",
-        text("regimes/README.md"),
-    )
-    assert line
-    assert said.groups() == line.groups()
 
 
-def test_implicit_solvers_win_at_small_stokes_numbers_as_the_readme_says():
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    said = re.search(
-        r"implicit methods win at every error up to St = (\S+), at loose ones up to St = (\S+)\.\n",
-        readme,
+def fastest_of_the_ellipsoid(
+    stokes: float, want: str, error: float, form: str = "quaternion", implicit: bool | None = None
+) -> float:
+    """Seconds of the fastest run on the map that meets an error; by solvers of both sorts, or of one."""
+    runs = pd.read_csv(REPORTS / "regimes" / "runs.csv")
+    runs = runs[(runs.scene_name == "ellipsoid") & (runs.stokes == stokes) & (runs.form == form)]
+    runs = runs[(runs[want] <= error) & (runs.status == "reached_end")]
+    if implicit is not None:
+        runs = runs[[SOLVERS.find(name).implicit == implicit for name in runs.solver]]
+    return float(runs.seconds.min())
+
+
+def found_on_the_map(pattern: str) -> list[float]:
+    """The numbers of a sentence of the README on the map."""
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    said = re.search(pattern, readme)
+    assert said, f"the README does not say any more {pattern!r}"
+    return [float(number) for number in said.groups()]
+
+
+def in_two_digits(value: float) -> float:
+    return float(f"{value:.2g}")
+
+
+def test_readme_says_how_slow_explicit_solvers_are_where_the_equations_are_stiff():
+    stokes, said, error = found_on_the_map(
+        r"At St = (\S+) the fastest explicit one takes (\S+) times .*? to (\S+) rad\."
     )
-    assert said
-    every, loose = map(float, said.groups())
-    cells: Any = pd.read_csv(REPORTS / "regimes" / "cells.csv").dropna(subset=["form"])
-    # Averaged forms, at large St, are no matter of stiffness.
-    cells = cells[~cells["form"].map(lambda name: FORMS.find(name).averaged).astype(bool)]
-    implicit = cells["solver"].map(lambda name: SOLVERS.find(name).implicit)
-    assert implicit[cells["St"] <= every].all()
-    assert cells["St"][implicit].max() == loose
-    # At that St explicit ones win at the tightest errors.
-    for _, column in cells[cells["St"] == loose].groupby(["scene", "error"]):
-        assert not implicit[column["target"].idxmin()]
+    explicit = fastest_of_the_ellipsoid(stokes, "orientation_error", error, implicit=False)
+    implicit = fastest_of_the_ellipsoid(stokes, "orientation_error", error, implicit=True)
+    assert said == in_two_digits(explicit / implicit)
+
+
+def test_readme_says_how_little_explicit_solvers_differ():
+    first, last, said = found_on_the_map(
+        r"from St = (\S+) to (\S+) the best one is (\S+) times as fast as the next, in the median"
+    )
+    cells = pd.read_csv(REPORTS / "regimes" / "cells.csv")
+    cells = cells[(cells.scene == "ellipsoid") & (cells.error == "orientation_error")]
+    cells = cells[cells.St.between(first, last)].dropna(subset=["form"])
+    assert not any(SOLVERS.find(name).implicit for name in cells.solver)
+    assert said == in_two_digits(cells.lead.median())
+
+
+def test_readme_says_how_much_averaging_gains():
+    error, stokes, said = found_on_the_map(
+        r"for L and E to (\S+) at St = (\S+) the full equations take (\S+) times as long as averaged"
+    )
+    full = fastest_of_the_ellipsoid(stokes, "slow_error", error)
+    assert said == in_two_digits(
+        full / fastest_of_the_ellipsoid(stokes, "slow_error", error, "averaged")
+    )
+    error, stokes, said = found_on_the_map(
+        r"For the orientation to (\S+) rad at St = (\S+) they take (\S+) times as long as `hybrid`"
+    )
+    full = fastest_of_the_ellipsoid(stokes, "orientation_error", error)
+    by_hybrid = fastest_of_the_ellipsoid(stokes, "orientation_error", error, "hybrid")
+    assert said == in_two_digits(full / by_hybrid)
 
 
 def test_each_winner_on_the_map_has_a_run_that_meets_the_error():
