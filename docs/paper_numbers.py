@@ -26,6 +26,11 @@ SAYINGS = {
         r"(?P<hybrid_spheroid_count>\d+) spheroids",
         r"At St = 1e6, .*?; (?P<hybrid_ellipsoids>\S+) times as fast in the median of "
         r"(?P<hybrid_ellipsoid_count>\d+) triaxial bodies",
+        r"- There it was (?P<hybrid_splitting>\S+) times as fast as `splitting`",
+        r"The tables of a triaxial shape took (?P<hybrid_tables>\d+ \S+) in the median",
+    ),
+    "README.md": (
+        r"the fastest explicit one takes (?P<explicit_slow>\S+) times as long as the fastest implicit",
     ),
     "reports/regimes/README.md": (
         r"The ellipsoid, slow variables: implicit solvers win (?P<implicit_cells>\d+) cells from "
@@ -65,6 +70,9 @@ SAYINGS = {
     "reports/pick/README.md": (
         r"The first choice met the error on (?P<pick_met>\d+) of (?P<pick_scenes>\d+) scenes",
         r"Asking and running take (?P<pick_total>\S+) times as long as plain practice",
+        r"Asking pays for runs of (?P<break_even>\S+ \S+) or more",
+        r"Best run below 10 ms: the first choice is within 1.5 times the best on (?P<near_short>\S+) %",
+        r"Best run 10 ms to 1 s: the first choice is within 1.5 times the best on (?P<near_long>\S+) %",
     ),
     "reports/hard-cases/README.md": (
         r"none of the (?P<solver_count>\d+) that take most of the cases got through all of them\. "
@@ -73,6 +81,8 @@ SAYINGS = {
     "reports/second-order/README.md": (
         r"Spheroids, (?P<order_starts>\d+) starts: the error of L and E falls like "
         r"St\^-(?P<order_from>\S+) to St\^-(?P<order_to>\S+), where second order predicts St\^-2",
+        r"L² = 2EI₂, (?P<triaxial_starts>\d+) starts: the error of L and E falls like "
+        r"St\^-(?P<triaxial_from>\S+) to St\^-(?P<triaxial_to>\S+), where second order",
     ),
     "reports/flows/README.md": (
         r"- (?P<flow_orbits>\d+) orbits in planar flows close after the period of theory to "
