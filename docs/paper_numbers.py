@@ -76,7 +76,7 @@ SAYINGS = {
     ),
     "reports/hard-cases/README.md": (
         r"none of the (?P<solver_count>\d+) that take most of the cases got through all of them\. "
-        r"(?P<hard_best>\S+) comes nearest, with (?P<hard_through>\d+) of (?P<hard_runs>\d+):",
+        r"(?P<hard_best>[^.]+) comes? nearest, with (?P<hard_through>\d+) of (?P<hard_runs>\d+)",
     ),
     "reports/second-order/README.md": (
         r"Spheroids, (?P<order_starts>\d+) starts: the error of L and E falls like "

@@ -66,7 +66,7 @@ def _runs(endings: Sequence[Mapping[str, Any]]) -> Any:
 
 
 def _surest(runs: Any) -> dict[str, Any]:
-    """Fields of `texts/outcomes-sentences.md`: the solvers without a miss, and the one that comes nearest to that.
+    """Fields of `texts/outcomes-sentences.md`: the solvers without a miss, and those that come nearest to that.
 
     Every run that did not reach its end accurately is a miss, also one that nobody got through. The solvers
     without a miss are "sure" if they take most cases, else "few"; each is a list of `_by_size`.
@@ -75,23 +75,26 @@ def _surest(runs: Any) -> dict[str, Any]:
     taken = runs.groupby("solver", sort=False)["passed"].agg(["size", "sum"])
     widely = taken["size"] >= _WIDELY_FROM * taken["size"].max()
     without_a_miss = taken["size"] == taken["sum"]
-    # The solver of the fewest misses, of those that take most cases; the first in the order of the
-    # records where several have as few.
+    # The solvers of the fewest misses, of those that take most cases: several where they have as few.
     misses = (taken["size"] - taken["sum"])[widely]
-    nearest = str(misses.idxmin())
-    nearest_runs = runs[runs["solver"] == nearest]
+    nearest = [*misses.index[misses == misses.min()]]
+    nearest_runs = runs[runs["solver"].isin(nearest)]
     kinds = Counter(nearest_runs["outcome"])
-    missed_cases = nearest_runs[~nearest_runs["passed"]].set_index(_CASE).index
+    # Whether one of them got through, by case.
+    passed = nearest_runs.groupby(_CASE, sort=False)["passed"].any()
+    missed_cases = passed.index[~passed]
     return {
         "sure": _by_size(taken[without_a_miss & widely]),
         "few": _by_size(taken[without_a_miss & ~widely]),
         "count": int(widely.sum()),
         "nearest": nearest,
-        "through": int(nearest_runs["passed"].sum()),
-        "runs": len(nearest_runs),
-        "kinds": [(kinds[kind], kind) for kind in _KINDS[1:] if kinds[kind]],
-        # Cases that it missed and another solver got through.
-        "missed": int(missed_cases.isin(_passed_by_somebody(runs)).sum()),
+        "through": int(taken["sum"][nearest[0]]),
+        "runs": int(taken["size"][nearest[0]]),
+        # How one solver missed; of several this is left out.
+        "kinds": [(kinds[kind], kind) for kind in _KINDS[1:] if kinds[kind] and len(nearest) == 1],
+        # Cases that all of them missed, and of these the ones that another solver got through.
+        "missed": len(missed_cases),
+        "passed": int(missed_cases.isin(_passed_by_somebody(runs)).sum()),
     }
 
 

@@ -102,7 +102,7 @@ def test_a_solver_without_a_miss_is_named():
 
 
 def test_no_solver_is_named_as_sure_that_missed_a_run_nobody_got_through():
-    (sure, _) = sentences(endings(one="rrfuf", two="rfrff", few="r---"), "1 s")
+    (sure, _) = sentences(endings(one="rrfuf", two="ffrff", few="r---"), "1 s")
     assert sure.startswith("No solver: none of the 2 that take most of the cases got through all")
     assert (
         "one comes nearest, with 2 of 5: 1 with an error that no reference knows, 2 failed." in sure
@@ -111,3 +111,9 @@ def test_no_solver_is_named_as_sure_that_missed_a_run_nobody_got_through():
     assert sure.endswith("Among solvers that take few cases, few got through all 1 of theirs.")
     (sure, _) = sentences(endings(one="rrf", two="rff"), "1 s")
     assert sure.endswith("No other solver got through the cases that it missed.")
+
+
+def test_solvers_that_got_through_as_many_runs_are_all_named():
+    (sure, _) = sentences(endings(one="rrff", two="frrf", three="ffff", few="---r"), "1 s")
+    assert "one, two come nearest, with 2 of 4 each. " in sure
+    assert "Another solver got through 1 of the 1 cases that they all missed." in sure
