@@ -71,7 +71,8 @@ report: $(READY) ## one offline site of documentation, API and reports, into rep
 	$(BIN)/polhode report
 
 # Lines of reports/commands.txt are commands of polhode, or programs in docs. Finished ones leave their mark in
-# build/everything; the interrupted one is taken up. A row of durations.csv is one attempt.
+# build/everything; the interrupted one is taken up. A command that fails, or misses a target, stops no other: at the
+# end the exit code is 1, and the next `make everything` runs such commands again. A row of durations.csv is one attempt.
 everything: $(READY) ## all that reports/ holds anew: hours of an idle machine; an interrupted run goes on
 	@test -d build/everything || rm -f reports/sweep/store.sqlite; mkdir -p build/everything; \
 	times=build/everything/durations.csv; test -e $$times || echo command,seconds,exit >$$times; \
@@ -81,8 +82,10 @@ everything: $(READY) ## all that reports/ holds anew: hours of an idle machine; 
 	  if test -e "$$mark.begun" && $(BIN)/polhode $${line%% *} --help 2>/dev/null | grep -q -e --resume; then run="$$run --resume"; fi; \
 	  touch "$$mark.begun"; echo "$$run"; began=$$(date +%s); $$run </dev/null; code=$$?; \
 	  echo "$$line,$$(($$(date +%s) - began)),$$code" >>$$times; \
-	  test $$code = 0 && mv "$$mark.begun" "$$mark.done" || exit 1; \
-	done <reports/commands.txt; rm -r build/everything
+	  test $$code -gt 128 && exit $$code; \
+	  if test $$code = 0; then mv "$$mark.begun" "$$mark.done"; \
+	  else echo "$$run: exit code $$code" >&2; failed=yes; fi; \
+	done <reports/commands.txt; test -z "$$failed" && rm -r build/everything
 
 hashes: ## requirements.txt anew: what `make setup` installs, as constraints.txt says, with hashes
 	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
