@@ -72,7 +72,7 @@ report: $(READY) ## one offline site of documentation, API and reports, into rep
 
 # Lines of reports/commands.txt are commands of polhode, or programs in docs. Finished ones leave their mark in
 # build/everything; the interrupted one is taken up. A command that fails, or misses a target, stops no other: at the
-# end the exit code is 1, and the next `make everything` runs such commands again. A row of durations.csv is one attempt.
+# end make fails, and the next `make everything` runs such commands again. A row of durations.csv is one attempt.
 everything: $(READY) ## all that reports/ holds anew: hours of an idle machine; an interrupted run goes on
 	@test -d build/everything || rm -f reports/sweep/store.sqlite; mkdir -p build/everything; \
 	times=build/everything/durations.csv; test -e $$times || echo command,seconds,exit >$$times; \
