@@ -448,7 +448,7 @@ def test_readme_says_how_little_explicit_solvers_differ():
 
 def test_readme_says_how_much_averaging_gains():
     error, stokes, said = found_on_the_map(
-        r"for L and E to (\S+) at St = (\S+) the full equations take (\S+) times as long as averaged"
+        r"for L and E to (\S+) at St = (\S+) the full equations take (\S+) times as long as averages"
     )
     full = fastest_of_the_ellipsoid(stokes, "slow_error", error)
     assert said == in_two_digits(
@@ -546,7 +546,7 @@ def runs_of_the_map() -> float:
     return len(pd.read_csv(REPORTS / "regimes" / "runs.csv"))
 
 
-FIRST_RUN = r"(?s)What a first run costs.*?\| {} +\| +(\S+) ms \| +(\S+) ms"
+FIRST_RUN = r"(?s)What a first run costs.*?\| {} +\| +\S+ [mµ]s \| +(\S+) ms"
 METHOD, MISPRINTS = "docs/method.md", "docs/misprints.md"
 # Sentences that rest on a page, what that says now, and how far apart they may be, in parts of the
 # latter.
