@@ -29,20 +29,27 @@ def pages() -> list[Path]:
 def page() -> str:
     """The text of the page."""
     makers_by_page = {path: makers_of(path.read_text(encoding="utf-8")) for path in pages()}
-    counts = Counter(maker for makers in makers_by_page.values() for maker in makers)
     rows = [_row(path, makers) for path, makers in makers_by_page.items()]
     heads = ["page", "made by", "measured", "version", "commit"]
-    lines = ["# What measured these pages", "", *_summary(counts, len(rows)), ""]
+    lines = ["# What measured these pages", "", *_summary(makers_by_page), ""]
     lines += [markdown(heads, rows), *_durations()]
     lines += [made_by("python docs/measured.py")]
     return "\n".join(lines) + "\n"
 
 
-def _summary(counts: Counter[Maker], total: int) -> list[str]:
-    first = next(iter(counts))
-    if len(counts) == 1 and first.version and first.commit:
-        return [f"All {total} pages were measured by {first}."]
+def _summary(makers_by_page: dict[Path, list[Maker]]) -> list[str]:
+    """By which commits pages were measured: how many pages by each, and the pages that several have measured."""
+    total = len(makers_by_page)
+    counts = Counter(makers[0] for makers in makers_by_page.values() if len(makers) == 1)
+    if total in counts.values():
+        (only,) = counts
+        if only.version and only.commit:
+            return [f"All {total} pages were measured by {only}."]
     lines = [f"- {maker}: {count} of {total} pages" for maker, count in sorted(counts.items())]
+    for path, makers in makers_by_page.items():
+        if len(makers) > 1:
+            name = path.relative_to(REPORTS).as_posix()
+            lines.append(f"- [{name}]({name}) has data of {len(makers)} commits")
     return [
         "**The pages were not all measured by one commit: numbers of two pages may differ.**",
         "",
@@ -64,7 +71,7 @@ def _row(path: Path, makers: list[Maker]) -> list[str]:
 
 
 def _durations() -> list[str]:
-    """How long each command of the last `make everything` took, if one was kept."""
+    """How long each command took the last time that all were run, if that was kept."""
     if not _DURATIONS.is_file():
         return []
     with _DURATIONS.open(newline="", encoding="utf-8") as file:
@@ -76,7 +83,7 @@ def _durations() -> list[str]:
     cells = [[f"`{command}`", duration(taken)] for command, taken in seconds.items()]
     cells.append(["in sum", duration(sum(seconds.values()))])
     return [
-        "## How long `make everything` took",
+        "## How long each command took",
         "",
         markdown(["command", "time"], cells, right=(1,)),
     ]
