@@ -56,8 +56,8 @@ SAYINGS = {
         r"called back through Python the same run takes × (?P<called_back>\S+) as long",
     ),
     "reports/problems/README.md": (
-        r"of (?P<problems>\d+) problems that some method solves\. (?P<problems_robust>\S+) "
-        r"reaches the error most often, on (?P<problems_share>\S+) %.*?The error is 1e-6",
+        r"of (?P<problems>\d+) problems that some method solves\. (?P<problems_robust>[^.]+?) "
+        r"reach(?:es)? the error most often, on (?P<problems_share>\S+) %.*?The error is 1e-6",
     ),
     "reports/pick/stated.md": (r"- (?P<stated>\d+) of (?P<stated_runs>\d+) runs state an error",),
     "docs/false-successes.md": (
@@ -70,7 +70,8 @@ SAYINGS = {
     "reports/pick/README.md": (
         r"The first choice met the error on (?P<pick_met>\d+) of (?P<pick_scenes>\d+) scenes",
         r"Asking and running take (?P<pick_total>\S+) times as long as plain practice",
-        r"Asking pays for runs of (?P<break_even>\S+ \S+) or more",
+        r"(?P<pick_median>\S+) times in the median of these scenes",
+        r"From runs of (?P<break_even>\S+ \S+) on asking pays .*?: (?P<paying>\d+) of (?P<longer>\d+) scenes",
         r"Best run below 10 ms: the first choice is within 1.5 times the best on (?P<near_short>\S+) %",
         r"Best run 10 ms to 1 s: the first choice is within 1.5 times the best on (?P<near_long>\S+) %",
     ),

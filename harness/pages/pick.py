@@ -23,6 +23,7 @@ from polhode.harness.analysis.frames import read_csv
 from polhode.harness.answers import heldout
 from polhode.harness.answers.heldout import Evaluation, break_even, judged
 from polhode.harness.common.files import write_file
+from polhode.harness.common.fits import wilson
 from polhode.harness.common.machine import here, made_lines, provenance
 from polhode.harness.pages.figures.style import (
     INK,
@@ -127,16 +128,24 @@ def summary(scenes: Any) -> list[str]:
     no answer.
     """
     timed = scenes.dropna(subset=["plain", "seconds"])
+    ratios = (timed["asking"] + timed["seconds"]) / timed["plain"]
+    pays_from = break_even(scenes)
+    longer = ratios[timed["best_seconds"] >= pays_from]
+    quicker = int((longer < 1.0).sum())
     strata = judged(scenes)
     return lines_of(
         "pick-summary",
         limits=heldout,
         total=(timed["asking"] + timed["seconds"]).sum() / timed["plain"].sum(),
+        median=float(ratios.median()),
         plain=len(timed),
         count=len(scenes),
         met=int(scenes["met"].sum()),
         strata=[row for row in strata if row["stratum"] in heldout.STRATA],
-        break_even=break_even(scenes),
+        break_even=pays_from,
+        quicker=quicker,
+        longer=len(longer),
+        share=wilson(quicker, len(longer)),
     )
 
 

@@ -624,19 +624,20 @@ def sentence(seconds: pd.DataFrame) -> str:
     ratios = seconds.div(seconds.min(axis=1), axis=0)
     nearly_fastest = (ratios <= _NEAR).mean()
     reached = seconds.notna().mean()
-    # Among equally sure methods the sentence names the one that is fast more often.
+    # Among equally sure methods the sentence names first the one that is fast more often.
     order = nearly_fastest.sort_values(ascending=False, kind="stable").index
     first = str(order[0])
-    surest = str(reached.reindex(order).idxmax())
+    ordered = reached.reindex(order)
+    surest = [str(name) for name in ordered.index[ordered == ordered.max()]]
     return fill(
         "profiles-sentence",
         count=len(seconds),
         first=first,
         surest=surest,
         near=nearly_fastest[first],
-        reached=reached[surest],
+        reached=ordered.max(),
         factor=_NEAR,
-        slow=np.nanquantile(ratios[surest].to_numpy(float), _NINE_IN_TEN),
+        slow=[np.nanquantile(ratios[name].to_numpy(float), _NINE_IN_TEN) for name in surest],
     )
 
 
