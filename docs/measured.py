@@ -49,7 +49,8 @@ def _summary(makers_by_page: dict[Path, list[Maker]]) -> list[str]:
     for path, makers in makers_by_page.items():
         if len(makers) > 1:
             name = path.relative_to(REPORTS).as_posix()
-            lines.append(f"- [{name}]({name}) has data of {len(makers)} commits")
+            named = "; ".join(map(str, makers))
+            lines.append(f"- [{name}]({name}) has data of {len(makers)} commits: {named}")
     return [
         "**The pages were not all measured by one commit: numbers of two pages may differ.**",
         "",
@@ -66,8 +67,14 @@ def _row(path: Path, makers: list[Maker]) -> list[str]:
         f"[{name}]({name})",
         f"`{command[1]}`" if command else "–",
         dates[1] if dates else "–",
-        *versions_and_commits(makers),
+        *_version_and_commit(makers),
     ]
+
+
+def _version_and_commit(makers: list[Maker]) -> tuple[str, str]:
+    """Cells of a page's row; `_summary` names the commits of a page that several have measured."""
+    versions, commits = versions_and_commits(makers)
+    return versions, commits if len(makers) == 1 else f"{len(makers)}, named above"
 
 
 def _durations() -> list[str]:

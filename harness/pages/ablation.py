@@ -24,7 +24,7 @@ def write_page(folder: Path, rows: Sequence[Record], command: str) -> Path:
     ("without"). "met" says whether the chosen run met the error; "asking" is the choice's time in s.
     """
     table: Any = pd.DataFrame(rows)
-    text = table.to_csv(index=False, float_format="%.4g")
+    text = table.to_csv(index=False, float_format="%.3g")
     write_file(folder / "ablation.csv", text, summed=True)
     # The races that nothing is left out of.
     whole = table[table["without"] == ALL_PARTS]
