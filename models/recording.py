@@ -624,7 +624,7 @@ def _product(left: Any, right: Any) -> Any:
 
 
 def _combined(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """A matrix of plain numbers times a vector: terms are added from the left, those of zeros left out."""
+    """A matrix of plain numbers times a vector. It adds terms from the left, and leaves out those of zeros."""
     if matrix.shape[1] != len(vector):
         raise ValueError(f"matmul: got shapes {matrix.shape} and {vector.shape}")
     rows = np.empty(len(matrix), dtype=object)

@@ -24,7 +24,8 @@ ORDERS = {
     "averaged-spheroid": ORDER_ONE,
     "averaged-second-order": ORDER_TWO,
 }
-# The key, beside those of the orders, of the St from which second order meets errors of the orientation.
+# A key of the laws beside the names of the orders. Its entry says from which St on second order meets errors of the
+# orientation.
 TURNED = f"{ORDER_TWO}, orientation"
 # Place of the St of 97.5 % of the bodies in an entry of "from" (`polhode.harness.averaging.laws.laws_of`).
 _MOST = 1

@@ -19,8 +19,8 @@ from polhode.models.scene import Scene
 from polhode.models.spent import SPENT
 from polhode.solvers.contract import UNLIMITED
 
-# The predicted error of a reference is at most this share of the one that a method may have on the segment, so that the
-# other half is left to the methods; an estimate.
+# Largest predicted error of a reference, as a share of the error that a method may have on the segment. The rest is
+# left to the methods. An estimate.
 KNOWN_SHARE = 0.5
 # A difference that grows by a larger power of time tells of chaos: without chaos the power is 2 at
 # most, the orientation's (`forecast.RacedSegment.growth`). The margin is an estimate.

@@ -16,6 +16,9 @@ from polhode.harness.common.machine import here, provenance
 from polhode.harness.common.store import Record
 from polhode.harness.pages.tables import fill
 
+# Three significant digits of numbers in `ablation.csv`: times vary by more than a hundredth between repeats.
+_CSV_NUMBER = "%.3g"
+
 
 def write_page(folder: Path, rows: Sequence[Record], command: str) -> Path:
     """Write `ablation.md` and `ablation.csv` into a folder and return the page's path.
@@ -24,7 +27,7 @@ def write_page(folder: Path, rows: Sequence[Record], command: str) -> Path:
     ("without"). "met" says whether the chosen run met the error; "asking" is the choice's time in s.
     """
     table: Any = pd.DataFrame(rows)
-    text = table.to_csv(index=False, float_format="%.3g")
+    text = table.to_csv(index=False, float_format=_CSV_NUMBER)
     write_file(folder / "ablation.csv", text, summed=True)
     # The races that nothing is left out of.
     whole = table[table["without"] == ALL_PARTS]

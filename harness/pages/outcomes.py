@@ -79,7 +79,8 @@ def _surest(runs: Any) -> dict[str, Any]:
     misses = (taken["size"] - taken["sum"])[widely]
     nearest = [*misses.index[misses == misses.min()]]
     nearest_runs = runs[runs["solver"].isin(nearest)]
-    kinds = Counter(nearest_runs["outcome"])
+    # How one solver missed; of several the sentence leaves this out.
+    kinds = Counter(nearest_runs["outcome"]) if len(nearest) == 1 else {}
     # Whether one of them got through, by case.
     passed = nearest_runs.groupby(_CASE, sort=False)["passed"].any()
     missed_cases = passed.index[~passed]
@@ -90,8 +91,7 @@ def _surest(runs: Any) -> dict[str, Any]:
         "nearest": nearest,
         "through": int(taken["sum"][nearest[0]]),
         "runs": int(taken["size"][nearest[0]]),
-        # How one solver missed; of several this is left out.
-        "kinds": [(kinds[kind], kind) for kind in _KINDS[1:] if kinds[kind] and len(nearest) == 1],
+        "kinds": [(kinds[kind], kind) for kind in _KINDS[1:] if kinds.get(kind)],
         # Cases that all of them missed, and of these the ones that another solver got through.
         "missed": len(missed_cases),
         "passed": int(missed_cases.isin(_passed_by_somebody(runs)).sum()),

@@ -128,7 +128,8 @@ def summary(scenes: Any) -> list[str]:
     no answer.
     """
     timed = scenes.dropna(subset=["plain", "seconds"])
-    ratios = (timed["asking"] + timed["seconds"]) / timed["plain"]
+    spent = timed["asking"] + timed["seconds"]
+    ratios = spent / timed["plain"]
     pays_from = break_even(scenes)
     longer = ratios[timed["best_seconds"] >= pays_from]
     quicker = int((longer < 1.0).sum())
@@ -136,7 +137,7 @@ def summary(scenes: Any) -> list[str]:
     return lines_of(
         "pick-summary",
         limits=heldout,
-        total=(timed["asking"] + timed["seconds"]).sum() / timed["plain"].sum(),
+        total=spent.sum() / timed["plain"].sum(),
         median=float(ratios.median()),
         plain=len(timed),
         count=len(scenes),

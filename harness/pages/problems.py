@@ -27,6 +27,8 @@ from polhode.solvers.contract import Status
 _TARGETS = (1e-3, 1e-6, 1e-9)
 # The tightest one of `_TARGETS` that some solver reaches on every problem of reports/problems.
 _PROFILED_TARGET = 1e-6
+# Five significant digits of numbers in `runs.csv`: times and errors are known to fewer.
+_CSV_NUMBER = "%.5g"
 
 
 def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
@@ -37,8 +39,7 @@ def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     # The page says these once for all runs. Rows of earlier runs lack "code".
     told_once = ["machine", "versions", "commit", "code", "date"]
     table = pd.DataFrame(rows).drop(columns=told_once, errors="ignore")
-    # Five significant digits: times and errors are known to fewer.
-    write_file(folder / "runs.csv", table.to_csv(index=False, float_format="%.5g"))
+    write_file(folder / "runs.csv", table.to_csv(index=False, float_format=_CSV_NUMBER))
     return _write(table, folder, provenance(command, rows))
 
 

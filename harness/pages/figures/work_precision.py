@@ -77,8 +77,8 @@ _DASHES = ("-", "--", ":", "-.")
 _MARKER_ROOM = 0.02
 # Decades of the error up to which each power of ten is written; of more decades every other one.
 _MAX_WRITTEN_DECADES = 7
-# A panel lower than a decade of the time is extended by this factor at both ends, to most of a decade or
-# more, so that a power of ten mostly stands on its axis. By eye.
+# A panel that shows less than a decade of the time is extended by this factor at both ends. Then a power of ten
+# mostly stands on its axis. By eye.
 _EXTENSION = 3
 # Ticks of an axis, more than any has: the locator would else leave out some.
 _MAX_TICKS = 30
