@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from itertools import cycle
 from math import ceil, floor, log10
 from pathlib import Path
+from textwrap import wrap
 from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
@@ -64,6 +65,8 @@ _FEW_LINES = 8
 _FEW_SCENES = 4
 # Names longer than this, in letters, break at the comma.
 _LONGEST_NAME = 19
+# Letters that find room beside a panel in any case: parts of a broken name that are longer break at hyphens.
+_LONGEST_LINE = 15
 UNKNOWN_LABEL = f"grey: within {KNOWN:g} times the\nreference's uncertainty"
 # The end of the labels of solvers that have runs without a result.
 NO_RESULT = ": no result"
@@ -367,11 +370,19 @@ def _names_of(axes: Axes) -> list[_LineName]:
         if not _has_name(line):
             continue
         label = str(line.get_label())
-        text = label.replace(", ", ",\n") if len(label) > _LONGEST_NAME else label
+        text = _broken(label) if len(label) > _LONGEST_NAME else label
         end = np.asarray(line.get_xydata())[-1]
         height = axes.transData.transform(end)[1] / _points_of(axes.figure)
         names.append(_LineName(line, text, tuple(end), height))
     return sorted(names, key=lambda name: name.height)
+
+
+def _broken(name: str) -> str:
+    """A name in lines that find room beside a panel."""
+    parts = name.replace(", ", ",\n").splitlines()
+    return "\n".join(
+        line for part in parts for line in wrap(part, _LONGEST_LINE, break_long_words=False)
+    )
 
 
 def _heights_of(axes: Axes, names: Sequence[_LineName]) -> np.ndarray:

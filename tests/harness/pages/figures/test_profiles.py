@@ -85,3 +85,13 @@ def test_what_lies_beyond_the_axis_is_not_counted_at_its_end():
         == 1.0
     )
     plt.close(figure)
+
+
+def test_long_names_stay_within_the_figure():
+    figure = profiles(pd.DataFrame({"averaged-second-order": [1.0, 2.0], "taylor": [3.0, 4.0]}))
+    figure.canvas.draw()
+    texts = [text for axes in figure.axes for text in axes.texts]
+    assert "averaged-\nsecond-order" in {text.get_text() for text in texts}
+    for text in texts:
+        assert text.get_window_extent().x1 <= figure.bbox.x1, text.get_text()
+    plt.close(figure)
